@@ -1,0 +1,60 @@
+# The front door. `make demo` and `make test` do everything, installing what is missing through apt.
+JOBS ?= 2
+export CTEST_OUTPUT_ON_FAILURE = 1
+
+.PHONY: all build demo test test-asan test-tsan lint format tidy deps clean help
+
+all: build
+
+help:
+	@echo "make build      Release binaries in build/release/bin"
+	@echo "make demo       build, simulate a robot, close a loop; pictures and timings in out/"
+	@echo "make test       build and run all tests"
+	@echo "make lint       check formatting, clang-tidy, protobuf style"
+	@echo "make format     format all sources"
+	@echo "make test-asan  tests under AddressSanitizer and UndefinedBehaviorSanitizer, fuzzer seeds"
+	@echo "make test-tsan  tests under ThreadSanitizer"
+	@echo "make clean      remove build/ and out/"
+
+deps:
+	@deploy/install_dependencies.sh
+
+build/%/build.ninja: | deps
+	cmake --preset $*
+
+build: build/release/build.ninja
+	cmake --build build/release -j $(JOBS)
+
+demo: build
+	deploy/demo.sh build/release/bin out
+
+test: build
+	cd build/release && ctest
+
+build-clang: build/clang/build.ninja
+	cmake --build build/clang -j $(JOBS)
+
+test-asan: build/asan-ubsan/build.ninja
+	cmake --build build/asan-ubsan -j $(JOBS)
+	ctest --preset asan-ubsan
+
+# What has threads of its own and no gRPC: stock gRPC is not instrumented, and what it runs would be reported falsely.
+TSAN_TESTS = base_test global_test server_core_test
+
+test-tsan: build/tsan/build.ninja
+	cmake --build build/tsan -j $(JOBS) --target $(TSAN_TESTS)
+	ctest --preset tsan
+
+lint:
+	deploy/lint.sh format
+	deploy/lint.sh proto
+	deploy/lint.sh tidy
+
+tidy: build/clang/build.ninja
+	deploy/lint.sh tidy
+
+format:
+	deploy/lint.sh fix
+
+clean:
+	rm -rf build out

@@ -1,0 +1,177 @@
+#include "client/cli/bench_local.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/datasets/kitti_source.h"
+#include "core/base/status_macros.h"
+#include "core/base/stopwatch.h"
+
+namespace gem::client {
+namespace {
+
+struct BenchFlags {
+  KittiOptions kitti;
+  std::string pose_frame = "auto";
+  std::string backend = "cpu";
+  int threads = 1;
+  LocalMapOptions map;
+  std::size_t num_scans_max = std::numeric_limits<std::size_t>::max();
+  bool json = false;
+};
+
+// The yardstick: memory is read, next to nothing is computed. Four sums, so that the pass does not
+// wait for the adder.
+float SumOf(std::span<const ScanPoint> points) {
+  float sums[4] = {};
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    sums[i & 3] += points[i].x_m + points[i].y_m + points[i].z_m;
+  }
+  return sums[0] + sums[1] + sums[2] + sums[3];
+}
+
+struct Samples_ms {
+  std::vector<double> read_pass, total, move, measure, fuse, annotate, clear;
+
+  void Add(double read_pass_s, const LocalStageSeconds& seconds) {
+    read_pass.push_back(read_pass_s * 1e3);
+    total.push_back(seconds.total() * 1e3);
+    move.push_back(seconds.move * 1e3);
+    measure.push_back(seconds.measure * 1e3);
+    fuse.push_back(seconds.fuse * 1e3);
+    annotate.push_back(seconds.annotate * 1e3);
+    clear.push_back(seconds.clear * 1e3);
+  }
+};
+
+LocalBench Summarise(const Samples_ms& samples, const std::vector<double>& points) {
+  LocalBench bench;
+  bench.num_scans = samples.total.size();
+  bench.points = static_cast<std::size_t>(DistributionOf(points).median);
+  bench.read_pass_ms = DistributionOf(samples.read_pass).median;
+  bench.total = DistributionOf(samples.total);
+  bench.move = DistributionOf(samples.move);
+  bench.measure = DistributionOf(samples.measure);
+  bench.fuse = DistributionOf(samples.fuse);
+  bench.annotate = DistributionOf(samples.annotate);
+  bench.clear = DistributionOf(samples.clear);
+  return bench;
+}
+
+absl::Status RunBench(BenchFlags flags) {
+  // Accepted so that scripts need not know which backends have threads.
+  if (flags.threads != 1) {
+    return absl::InvalidArgumentError(absl::StrCat("--threads is ", flags.threads, ", want 1: the ",
+                                                   flags.backend, " backend runs on one thread"));
+  }
+  GEM_ASSIGN_OR_RETURN(const LocalBackend backend, ParseLocalBackend(flags.backend));
+  GEM_ASSIGN_OR_RETURN(flags.kitti.pose_frame, ParseKittiPoseFrame(flags.pose_frame));
+  GEM_ASSIGN_OR_RETURN(const std::unique_ptr<KittiSource> source, KittiSource::Open(flags.kitti));
+  GEM_ASSIGN_OR_RETURN(const LocalBench bench,
+                       BenchLocal(*source, backend, flags.map, flags.num_scans_max));
+  std::fputs((flags.json ? BenchJson(bench) : BenchTable(bench)).c_str(), stdout);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+Distribution_ms DistributionOf(std::vector<double> values_ms) {
+  if (values_ms.empty()) return {};
+  std::sort(values_ms.begin(), values_ms.end());
+  const auto at = [&](double fraction) {
+    return values_ms[static_cast<std::size_t>(fraction *
+                                              static_cast<double>(values_ms.size() - 1))];
+  };
+  return {at(0.5), at(0.95)};
+}
+
+absl::StatusOr<LocalBench> BenchLocal(ScanSource& source, LocalBackend backend,
+                                      const LocalMapOptions& options, std::size_t num_scans_max) {
+  GEM_ASSIGN_OR_RETURN(const std::unique_ptr<LocalMapper> mapper,
+                       MakeLocalMapper(backend, options));
+  SourceScan from;
+  Scan scan;
+  scan.T_B_S = source.T_B_S();
+  scan.noise = source.noise();
+  std::vector<EvictedCell> evicted;
+  Samples_ms samples;
+  std::vector<double> points;
+  volatile float consumed = 0;  // or the compiler would leave the read pass out
+  while (samples.total.size() < num_scans_max) {
+    GEM_ASSIGN_OR_RETURN(const bool has_scan, source.Next(from));
+    if (!has_scan) break;
+    ++scan.seq;
+    scan.stamp_ns = from.stamp_ns;
+    scan.T_O_B = from.T_O_B;
+    scan.points = from.points;
+    Stopwatch stopwatch;
+    consumed = SumOf(scan.points);
+    const double read_pass_s = stopwatch.Lap();
+    evicted.clear();
+    samples.Add(read_pass_s, mapper->FuseScan(scan, evicted).seconds);
+    points.push_back(static_cast<double>(scan.points.size()));
+  }
+  static_cast<void>(consumed);
+  if (points.empty()) return absl::NotFoundError(absl::StrCat(source.name(), " has no scans"));
+  LocalBench bench = Summarise(samples, points);
+  bench.backend = std::string(NameOf(backend));
+  const auto side_cells = static_cast<std::size_t>(SideCells(options));
+  bench.cells = side_cells * side_cells;
+  return bench;
+}
+
+std::string BenchJson(const LocalBench& bench) {
+  return absl::StrFormat(
+      "{\"backend\":\"%s\",\"scans\":%d,\"points\":%d,\"cells\":%d,\"read_pass_ms\":%.4f,"
+      "\"total_ms\":{\"median\":%.4f,\"p95\":%.4f},"
+      "\"stages_ms\":{\"move\":%.4f,\"measure\":%.4f,\"fuse\":%.4f,\"annotate\":%.4f,"
+      "\"clear\":%.4f}}\n",
+      bench.backend, bench.num_scans, bench.points, bench.cells, bench.read_pass_ms,
+      bench.total.median, bench.total.p95, bench.move.median, bench.measure.median,
+      bench.fuse.median, bench.annotate.median, bench.clear.median);
+}
+
+std::string BenchTable(const LocalBench& bench) {
+  std::string table = absl::StrFormat(
+      "%s backend, %d scans, %d points a scan, %d cells\n%-12s %10s %10s\n", bench.backend,
+      bench.num_scans, bench.points, bench.cells, "ms a scan", "median", "p95");
+  const std::pair<const char*, Distribution_ms> rows[] = {
+      {"move", bench.move},         {"measure", bench.measure}, {"fuse", bench.fuse},
+      {"annotate", bench.annotate}, {"clear", bench.clear},     {"total", bench.total}};
+  for (const auto& [name, distribution] : rows) {
+    absl::StrAppendFormat(&table, "%-12s %10.3f %10.3f\n", name, distribution.median,
+                          distribution.p95);
+  }
+  absl::StrAppendFormat(&table, "%-12s %10.3f\n", "read pass", bench.read_pass_ms);
+  return table;
+}
+
+void AddBenchCommand(CLI::App& app, std::function<absl::Status()>& run) {
+  CLI::App* bench = app.add_subcommand("bench", "Time parts of the system in this process");
+  bench->require_subcommand(1);
+  CLI::App* local = bench->add_subcommand(
+      "local", "The local mapper over a KITTI directory: velodyne/*.bin, times.txt, poses");
+  const auto flags = std::make_shared<BenchFlags>();
+  local->add_option("DIR", flags->kitti.dir, "Directory of the recording")->required();
+  local->add_option("--poses", flags->kitti.poses,
+                    "Poses, relative to DIR (default: poses.txt, or the only poses*.txt)");
+  local->add_option("--pose_frame", flags->pose_frame, "velodyne, camera or auto")
+      ->capture_default_str();
+  local->add_option("--backend", flags->backend, "reference or cpu")->capture_default_str();
+  local->add_option("--threads", flags->threads, "Threads of the mapper")->capture_default_str();
+  local->add_option("--cell_size_m", flags->map.cell_size_m, "Edge of a cell")
+      ->capture_default_str();
+  local->add_option("--local_size_m", flags->map.side_m, "Edge of the window")
+      ->capture_default_str();
+  local->add_option("--scans", flags->num_scans_max, "At most so many scans (default: all)");
+  local->add_flag("--json", flags->json, "For programs");
+  local->callback([flags, &run] { run = [flags] { return RunBench(*flags); }; });
+}
+
+}  // namespace gem::client

@@ -1,0 +1,37 @@
+// gem: the command line of the mapping server.
+//
+// A command lives in client/cli/<name>_command.{h,cc} and adds itself to the app; its callback sets
+// `run` to what it will do, so that parsing and doing stay apart.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <functional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "client/cli/bench_local.h"
+#include "client/cli/correct_command.h"
+#include "client/cli/export_command.h"
+#include "client/cli/local_command.h"
+#include "client/cli/replay_command.h"
+#include "client/cli/simulate_command.h"
+#include "client/cli/status_command.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Client of the GEM elevation mapping server");
+  app.name("gem");
+  app.require_subcommand(1);
+  std::function<absl::Status()> run;
+  gem::client::AddReplayCommand(app, run);
+  gem::client::AddSimulateCommand(app, run);
+  gem::client::AddExportCommand(app, run);
+  gem::client::AddLocalCommand(app, run);
+  gem::client::AddStatusCommand(app, run);
+  gem::client::AddCorrectCommand(app, run);
+  gem::client::AddBenchCommand(app, run);
+  CLI11_PARSE(app, argc, argv);
+
+  const absl::Status status = run();
+  if (status.ok()) return 0;
+  std::fprintf(stderr, "gem: %s\n", std::string(status.message()).c_str());
+  return 1;
+}

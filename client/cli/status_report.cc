@@ -1,0 +1,115 @@
+#include "client/cli/status_report.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/string_view.h"
+
+namespace gem::client {
+namespace {
+
+std::string Quoted(absl::string_view text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      quoted += {'\\', c};
+    } else if (static_cast<unsigned char>(c) < 0x20) {
+      absl::StrAppendFormat(&quoted, "\\u%04x", static_cast<unsigned>(c));
+    } else {
+      quoted += c;
+    }
+  }
+  return quoted + "\"";
+}
+
+/// JSON knows no infinity and no NaN.
+std::string Number(double value) {
+  return std::isfinite(value) ? absl::StrFormat("%.9g", value) : std::string("null");
+}
+
+absl::string_view Bool(bool value) { return value ? "true" : "false"; }
+
+double MeanMs(const StageTiming& timing) {
+  return timing.count == 0 ? 0 : timing.total_s / static_cast<double>(timing.count) * 1e3;
+}
+
+std::string MapJson(const MapInfo& map) {
+  const std::string sessions = absl::StrJoin(
+      map.sessions, ",",
+      [](std::string* out, const std::string& session) { absl::StrAppend(out, Quoted(session)); });
+  return absl::StrCat("{\"id\":", Quoted(map.id), ",\"cell_size_m\":", Number(map.cell_size_m),
+                      ",\"submap_length_m\":", Number(map.submap_length_m),
+                      ",\"traversable_only\":", Bool(map.traversable_only),
+                      ",\"epoch\":", map.version.epoch, ",\"revision\":", map.version.revision,
+                      ",\"num_submaps\":", map.num_submaps, ",\"num_points\":", map.num_points,
+                      ",\"submap_bytes\":", map.submap_bytes, ",\"num_tiles\":", map.num_tiles,
+                      ",\"sessions\":[", sessions, "]}");
+}
+
+std::string SessionJson(const SessionStatus& session) {
+  return absl::StrCat(
+      "{\"map\":", Quoted(session.map), ",\"robot\":", Quoted(session.robot),
+      ",\"session\":", Quoted(session.session), ",\"active\":", Bool(session.active),
+      ",\"connected\":", Bool(session.connected), ",\"num_scans_fused\":", session.num_scans_fused,
+      ",\"num_scans_refused\":", session.num_scans_refused,
+      ",\"queue_bytes\":", session.queue_bytes, ",\"fused_seq\":", session.fused_seq, "}");
+}
+
+std::string TimingJson(const StageTiming& timing) {
+  return absl::StrCat("{\"mapper\":", Quoted(timing.mapper), ",\"stage\":", Quoted(timing.stage),
+                      ",\"count\":", timing.count, ",\"mean_ms\":", Number(MeanMs(timing)),
+                      ",\"max_ms\":", Number(timing.max_s * 1e3),
+                      ",\"total_s\":", Number(timing.total_s), "}");
+}
+
+template <typename Items, typename ToJson>
+std::string JsonArray(const Items& items, ToJson to_json) {
+  return absl::StrCat("[",
+                      absl::StrJoin(items, ",",
+                                    [&](std::string* out, const auto& item) {
+                                      absl::StrAppend(out, to_json(item));
+                                    }),
+                      "]");
+}
+
+}  // namespace
+
+std::string StatusTable(const ServerStatus& status, const std::vector<MapInfo>& maps) {
+  std::string text = absl::StrFormat("gem_server %s, backend %s, up %.0f s\n\n",
+                                     status.server_version, status.backend, status.uptime_s);
+  absl::StrAppendFormat(&text, "%-20s %7s %9s %8s %10s %9s %7s %12s\n", "map", "cell m", "submap m",
+                        "submaps", "points", "MiB", "tiles", "revision");
+  for (const MapInfo& map : maps)
+    absl::StrAppendFormat(&text, "%-20s %7.3g %9.4g %8d %10d %9.2f %7d %12d\n", map.id,
+                          map.cell_size_m, map.submap_length_m, map.num_submaps, map.num_points,
+                          static_cast<double>(map.submap_bytes) / (1 << 20), map.num_tiles,
+                          map.version.revision);
+  absl::StrAppendFormat(&text, "\n%-20s %-16s %-25s %-9s %8s %8s %10s\n", "map", "robot", "session",
+                        "state", "fused", "refused", "queue KiB");
+  for (const SessionStatus& session : status.sessions)
+    absl::StrAppendFormat(&text, "%-20s %-16s %-25s %-9s %8d %8d %10.1f\n", session.map,
+                          session.robot, session.session,
+                          !session.active ? "ended" : (session.connected ? "streaming" : "waiting"),
+                          session.num_scans_fused, session.num_scans_refused,
+                          static_cast<double>(session.queue_bytes) / 1024);
+  absl::StrAppendFormat(&text, "\n%-8s %-10s %10s %10s %10s\n", "mapper", "stage", "mean ms",
+                        "max ms", "count");
+  for (const StageTiming& timing : status.timings)
+    absl::StrAppendFormat(&text, "%-8s %-10s %10.3f %10.3f %10d\n", timing.mapper, timing.stage,
+                          MeanMs(timing), timing.max_s * 1e3, timing.count);
+  return text;
+}
+
+std::string StatusJson(const ServerStatus& status, const std::vector<MapInfo>& maps) {
+  return absl::StrCat("{\"server_version\":", Quoted(status.server_version),
+                      ",\"backend\":", Quoted(status.backend),
+                      ",\"uptime_s\":", Number(status.uptime_s),
+                      ",\"maps\":", JsonArray(maps, MapJson),
+                      ",\"sessions\":", JsonArray(status.sessions, SessionJson),
+                      ",\"timings\":", JsonArray(status.timings, TimingJson), "}\n");
+}
+
+}  // namespace gem::client

@@ -1,0 +1,36 @@
+// RGB images as PNG. Knows nothing of maps.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace gem {
+
+struct Rgb {
+  std::uint8_t red = 0;
+  std::uint8_t green = 0;
+  std::uint8_t blue = 0;
+  friend bool operator==(const Rgb&, const Rgb&) = default;
+};
+static_assert(sizeof(Rgb) == 3, "pixels are handed to libpng as they lie");
+
+/// Pixels by rows from the top left.
+struct Image {
+  std::int32_t width = 0;
+  std::int32_t height = 0;
+  std::vector<Rgb> pixels;
+
+  Rgb At(std::int32_t x, std::int32_t y) const {
+    return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                  static_cast<std::size_t>(x)];
+  }
+};
+
+/// The bytes of a PNG file.
+absl::StatusOr<std::string> ToPng(const Image& image);
+
+}  // namespace gem

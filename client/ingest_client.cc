@@ -1,0 +1,473 @@
+#include "client/ingest_client.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/call_status.h"
+#include "client/ingest_messages.h"
+#include "core/base/mutex.h"
+#include "core/base/status_macros.h"
+#include "gem/v1/ingest_service.grpc.pb.h"
+#include "proto/wire/pose.h"
+
+namespace gem::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Stream = grpc::ClientReaderWriter<v1::IngestRequest, v1::IngestResponse>;
+
+// A server that asks for a longer pause is asked again after this one.
+constexpr double kPauseMax_s = 60;
+// How long a closed stream may take to end by itself.
+constexpr double kGoodbye_s = 2;
+// Scans that wait to be written; more would only add to the robot's memory.
+constexpr std::size_t kUnwrittenMax = 2;
+// Batches of poses that are kept for the next stream while no scan follows them.
+constexpr std::size_t kWrittenPosesMax = 64;
+
+Clock::duration Seconds(double seconds) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+/// A scan or a batch of poses that the server has not yet used.
+struct Pending {
+  std::uint64_t seq = 0;  ///< of the scan, or of the last scan before the poses
+  bool is_scan = false;
+  std::uint64_t size_bytes = 0;  ///< of the points
+  // Shared: the server may acknowledge a message that is still being written.
+  std::shared_ptr<const v1::IngestRequest> request;
+};
+
+/// How one stream ended.
+struct StreamEnd {
+  absl::Status status;
+  double pause_s = 0;       ///< that the server asks for
+  bool progressed = false;  ///< a scan was accepted
+};
+
+}  // namespace
+
+class IngestClient::Impl {
+ public:
+  Impl(std::shared_ptr<const Connection> connection, const SessionSetup& setup,
+       IngestOptions options)
+      : connection_(std::move(connection)),
+        options_(std::move(options)),
+        stub_(v1::IngestService::NewStub(connection_->channel())) {
+    ToProto(setup, open_request_.mutable_open());
+  }
+
+  ~Impl() {
+    {
+      MutexLock lock(mutex_);
+      const Clock::time_point deadline = Clock::now() + Seconds(kGoodbye_s);
+      while (closed_.has_value() && !ended_ && changed_.WaitUntil(mutex_, deadline)) {
+      }
+      stopping_ = true;
+      if (context_ != nullptr) context_->TryCancel();
+      changed_.NotifyAll();
+    }
+    if (supervisor_.joinable()) supervisor_.join();
+  }
+
+  absl::Status Open() {
+    supervisor_ = std::thread([this] { Supervise(); });
+    MutexLock lock(mutex_);
+    const Clock::time_point deadline = Clock::now() + Seconds(options_.open_timeout_s);
+    while (!opened_once_ && !ended_) {
+      if (!changed_.WaitUntil(mutex_, deadline))
+        return last_error_.ok() ? NotOpenedError() : last_error_;
+    }
+    return opened_once_ ? absl::OkStatus() : failure_;
+  }
+
+  // Constant once Open() has returned.
+  const SessionOpened& opened() const { return opened_; }
+
+  absl::Status Send(const OutgoingScan& scan) {
+    auto request = std::make_shared<v1::IngestRequest>();
+    GEM_RETURN_IF_ERROR(ToProto(scan, options_.point_encoding, request->mutable_scan()));
+    const std::uint64_t size_bytes = request->scan().points().size();
+    if (size_bytes > opened_.scan_bytes_max)
+      return absl::InvalidArgumentError(absl::StrCat("the scan has ", size_bytes,
+                                                     " bytes of points, the server takes at most ",
+                                                     opened_.scan_bytes_max));
+    MutexLock lock(mutex_);
+    GEM_RETURN_IF_ERROR(WaitForRoomLocked(size_bytes));
+    request->mutable_scan()->set_seq(++sent_seq_);
+    PushLocked({sent_seq_, true, size_bytes, std::move(request)});
+    return absl::OkStatus();
+  }
+
+  absl::Status SendPoses(const std::vector<StampedPose<Odom, Base>>& poses) {
+    if (poses.size() > wire::kPosesOfBatch_max)
+      return absl::InvalidArgumentError(
+          absl::StrCat(poses.size(), " poses in a batch, want at most ", wire::kPosesOfBatch_max));
+    auto request = std::make_shared<v1::IngestRequest>();
+    wire::ToProto(poses, request->mutable_poses());
+    MutexLock lock(mutex_);
+    GEM_RETURN_IF_ERROR(WaitForRoomLocked(0));
+    PushLocked({sent_seq_, false, 0, std::move(request)});
+    return absl::OkStatus();
+  }
+
+  absl::Status WaitUntilFused() {
+    MutexLock lock(mutex_);
+    return WaitLocked("scans to be fused", [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      return fused_seq_ >= sent_seq_ && num_written_ == pending_.size();
+    });
+  }
+
+  absl::StatusOr<SessionClosed> Close() {
+    MutexLock lock(mutex_);
+    close_wanted_ = true;
+    changed_.NotifyAll();
+    const absl::Status waited =
+        WaitLocked("the session to be closed",
+                   [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return closed_.has_value(); });
+    if (!waited.ok()) return waited;
+    return *closed_;
+  }
+
+  IngestProgress progress() const {
+    MutexLock lock(mutex_);
+    return {sent_seq_, fused_seq_, num_problems_, num_reconnects_};
+  }
+
+ private:
+  // --- What the user's thread waits for.
+
+  template <typename Condition>
+  absl::Status WaitLocked(absl::string_view what, Condition condition)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    const Clock::time_point begin = Clock::now();
+    while (!condition()) {
+      if (ended_) return failure_.ok() ? absl::CancelledError("the session is closed") : failure_;
+      const Clock::time_point deadline =
+          std::max(begin, progress_time_) + Seconds(options_.progress_timeout_s);
+      if (!changed_.WaitUntil(mutex_, deadline) &&
+          Clock::now() >= std::max(begin, progress_time_) + Seconds(options_.progress_timeout_s))
+        return absl::DeadlineExceededError(absl::StrCat("waited ", options_.progress_timeout_s,
+                                                        " s for ", what, " without an answer"));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status WaitForRoomLocked(std::uint64_t size_bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (close_wanted_) return absl::FailedPreconditionError("the session is closed");
+    return WaitLocked("credit", [this, size_bytes]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      // Also true while a broken stream is opened anew: what comes fits the buffer all the same.
+      const bool fits =
+          pending_bytes_ == 0 || pending_bytes_ + size_bytes <= options_.buffer_bytes_max;
+      return !ended_ && fits && pending_.size() - num_written_ < kUnwrittenMax;
+    });
+  }
+
+  void PushLocked(Pending pending) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    while (num_written_ > kWrittenPosesMax && !pending_.front().is_scan) PopLocked();
+    pending_bytes_ += pending.size_bytes;
+    pending_.push_back(std::move(pending));
+    changed_.NotifyAll();
+  }
+
+  void PopLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    pending_bytes_ -= pending_.front().size_bytes;
+    pending_.pop_front();
+    --num_written_;
+  }
+
+  /// Poses are needed until the scan after them is fused.
+  bool IsUsedLocked(const Pending& pending) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return pending.is_scan ? pending.seq <= fused_seq_ : pending.seq < fused_seq_;
+  }
+
+  // --- The supervisor's thread: one stream after the other, each read to its end.
+
+  void Supervise() {
+    int tries = 0;
+    while (true) {
+      const StreamEnd end = RunStream();
+      MutexLock lock(mutex_);
+      tries = end.progressed ? 1 : tries + 1;
+      if (stopping_ || closed_.has_value()) return EndLocked(absl::OkStatus());
+      last_error_ = end.status;
+      if (!IsTransient(end.status)) return EndLocked(end.status);
+      if (tries >= options_.tries_max)
+        return EndLocked(absl::Status(
+            end.status.code(),
+            absl::StrCat("gave up after ", tries, " streams: ", end.status.message())));
+      const double backoff_s = std::min(
+          options_.backoff_s_max, options_.backoff_s_min * std::exp2(std::min(tries, 30) - 1));
+      const Clock::time_point deadline =
+          Clock::now() +
+          Seconds(std::clamp(end.pause_s, backoff_s, std::max(kPauseMax_s, backoff_s)));
+      while (!stopping_ && changed_.WaitUntil(mutex_, deadline)) {
+      }
+      if (stopping_) return EndLocked(absl::OkStatus());
+      ++num_reconnects_;
+    }
+  }
+
+  void EndLocked(const absl::Status& failure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    failure_ = failure;
+    ended_ = true;
+    changed_.NotifyAll();
+  }
+
+  StreamEnd RunStream() {
+    grpc::ClientContext context;
+    {
+      MutexLock lock(mutex_);
+      if (stopping_) return {absl::CancelledError("stopped")};
+      context_ = &context;
+      stream_open_ = false;
+      stream_broken_ = false;
+      open_timed_out_ = false;
+      close_written_ = false;
+    }
+    const std::unique_ptr<Stream> stream = stub_->Ingest(&context);
+    stream->Write(open_request_);
+    std::thread writer([&] { WriteScans(*stream, context); });
+    StreamEnd end;
+    v1::IngestResponse response;
+    while (stream->Read(&response)) {
+      end.status = Handle(response, end);
+      if (!end.status.ok()) {
+        context.TryCancel();
+        break;
+      }
+    }
+    {
+      MutexLock lock(mutex_);
+      stream_broken_ = true;
+      changed_.NotifyAll();
+    }
+    writer.join();
+    const grpc::Status status = stream->Finish();
+    MutexLock lock(mutex_);
+    context_ = nullptr;
+    if (open_timed_out_) {
+      end.status = NotOpenedError();
+    } else if (end.status.ok()) {
+      end.status = status.ok() ? absl::UnavailableError("the server ended the stream")
+                               : ToStatus(status, connection_->address());
+      end.pause_s = std::max(end.pause_s, RetryAfter_s(status).value_or(0));
+    }
+    return end;
+  }
+
+  /// An error means that the session cannot go on.
+  absl::Status Handle(const v1::IngestResponse& response, StreamEnd& end) {
+    switch (response.payload_case()) {
+      case v1::IngestResponse::kOpened:
+        return HandleOpened(response.opened());
+      case v1::IngestResponse::kAck:
+        HandleAck(response.ack(), end);
+        return absl::OkStatus();
+      case v1::IngestResponse::kDrain:
+        end.pause_s = response.drain().reconnect_after_s();
+        return absl::OkStatus();
+      case v1::IngestResponse::kClosed:
+        HandleClosed(response.closed());
+        return absl::OkStatus();
+      case v1::IngestResponse::PAYLOAD_NOT_SET:
+        break;
+    }
+    return absl::OkStatus();  // a kind of message that is newer than this client
+  }
+
+  absl::Status HandleOpened(const v1::SessionOpened& opened) {
+    MutexLock lock(mutex_);
+    const std::uint64_t resume_after_seq = opened.resume_after_seq();
+    if (!opened_once_) {
+      opened_ = {resume_after_seq, opened.scan_bytes_max(), opened.cell_size_m(),
+                 opened.local_map_side_m()};
+      sent_seq_ = fused_seq_ = resume_after_seq;
+      opened_once_ = true;
+    }
+    const std::uint64_t oldest_kept = pending_.empty() ? sent_seq_ + 1 : OldestScanLocked();
+    if (resume_after_seq + 1 < oldest_kept)
+      return absl::DataLossError(absl::StrCat("the server forgot the session: it wants scan ",
+                                              resume_after_seq + 1, ", the oldest that is kept is ",
+                                              oldest_kept));
+    if (resume_after_seq > sent_seq_)
+      return absl::FailedPreconditionError(
+          absl::StrCat("another client feeds the session: the server has scan ", resume_after_seq,
+                       ", the newest sent is ", sent_seq_));
+    // What the server has is kept until it is fused, but not sent again.
+    num_written_ = 0;
+    while (num_written_ < pending_.size()) {
+      const Pending& pending = pending_[num_written_];
+      if (pending.is_scan ? pending.seq > resume_after_seq : pending.seq >= resume_after_seq) break;
+      ++num_written_;
+    }
+    credit_bytes_ = CreditOf(opened.credit_bytes());
+    stream_open_ = true;
+    progress_time_ = Clock::now();
+    changed_.NotifyAll();
+    return absl::OkStatus();
+  }
+
+  void HandleAck(const v1::IngestAck& ack, StreamEnd& end) {
+    {
+      MutexLock lock(mutex_);
+      if (ack.accepted_seq() > accepted_seq_) {
+        accepted_seq_ = ack.accepted_seq();
+        end.progressed = true;
+      }
+      credit_bytes_ = std::min(credit_bytes_ + CreditOf(ack.credit_bytes()), kCreditMax);
+      // A server that acknowledges what was never sent must not make us drop it.
+      fused_seq_ = std::max(fused_seq_, std::min(ack.fused_seq(), WrittenSeqLocked()));
+      while (num_written_ > 0 && IsUsedLocked(pending_.front())) PopLocked();
+      num_problems_ += static_cast<std::uint64_t>(ack.problems_size()) + ack.problems_left_out();
+      progress_time_ = Clock::now();
+      changed_.NotifyAll();
+    }
+    if (!options_.on_problem) return;
+    for (const v1::ScanProblem& problem : ack.problems()) options_.on_problem(FromProto(problem));
+    if (ack.problems_left_out() > 0)
+      options_.on_problem({0, "left_out", absl::StrCat(ack.problems_left_out(), " more problems")});
+  }
+
+  void HandleClosed(const v1::SessionClosed& closed) {
+    MutexLock lock(mutex_);
+    closed_ = SessionClosed{{closed.version().epoch(), closed.version().revision()},
+                            closed.num_scans_fused(),
+                            closed.num_scans_refused()};
+    changed_.NotifyAll();
+  }
+
+  // --- The writer's thread, one per stream.
+
+  void WriteScans(Stream& stream, grpc::ClientContext& context) {
+    const Clock::time_point open_deadline = Clock::now() + Seconds(options_.open_timeout_s);
+    MutexLock lock(mutex_);
+    while (!stream_broken_ && !stream_open_) {
+      if (changed_.WaitUntil(mutex_, open_deadline) || stream_open_) continue;
+      open_timed_out_ = true;
+      context.TryCancel();  // ends the reader's wait, too
+      return;
+    }
+    while (!stream_broken_) {
+      if (num_written_ < pending_.size() &&
+          static_cast<std::int64_t>(pending_[num_written_].size_bytes) <= credit_bytes_) {
+        const std::shared_ptr<const v1::IngestRequest> request = pending_[num_written_].request;
+        credit_bytes_ -= static_cast<std::int64_t>(pending_[num_written_].size_bytes);
+        ++num_written_;
+        changed_.NotifyAll();
+        if (!WriteUnlocked(stream, *request)) return;
+      } else if (num_written_ == pending_.size() && close_wanted_ && !close_written_) {
+        close_written_ = true;
+        v1::IngestRequest close;
+        close.mutable_close();
+        if (!WriteUnlocked(stream, close)) return;
+      } else if (close_written_ && closed_.has_value()) {
+        mutex_.Unlock();
+        stream.WritesDone();
+        mutex_.Lock();
+        return;
+      } else {
+        changed_.Wait(mutex_);
+      }
+    }
+  }
+
+  bool WriteUnlocked(Stream& stream, const v1::IngestRequest& request)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    mutex_.Unlock();
+    const bool written = stream.Write(request);
+    mutex_.Lock();
+    return written;
+  }
+
+  // --- Small things.
+
+  absl::Status NotOpenedError() const {
+    return absl::DeadlineExceededError(absl::StrCat("server ", connection_->address(),
+                                                    " did not open the session within ",
+                                                    options_.open_timeout_s, " s"));
+  }
+
+  static constexpr std::int64_t kCreditMax = std::int64_t{1} << 40;
+  static std::int64_t CreditOf(std::uint64_t credit_bytes) {
+    return static_cast<std::int64_t>(std::min<std::uint64_t>(credit_bytes, kCreditMax));
+  }
+  std::uint64_t OldestScanLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    for (const Pending& pending : pending_)
+      if (pending.is_scan) return pending.seq;
+    return sent_seq_ + 1;
+  }
+  std::uint64_t WrittenSeqLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return num_written_ == 0 ? fused_seq_ : pending_[num_written_ - 1].seq;
+  }
+
+  // Constant after construction.
+  const std::shared_ptr<const Connection> connection_;
+  const IngestOptions options_;
+  const std::unique_ptr<v1::IngestService::Stub> stub_;
+  v1::IngestRequest open_request_;
+
+  SessionOpened opened_;  // written once, before Open() returns
+
+  mutable Mutex mutex_;
+  CondVar changed_;  // anything below
+
+  // What the user wants.
+  std::deque<Pending> pending_ ABSL_GUARDED_BY(mutex_);  // sent, not yet fused
+  std::size_t num_written_ ABSL_GUARDED_BY(mutex_) = 0;  // of pending_, on this stream
+  std::uint64_t pending_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t sent_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool close_wanted_ ABSL_GUARDED_BY(mutex_) = false;
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+
+  // The stream.
+  grpc::ClientContext* context_ ABSL_GUARDED_BY(mutex_) = nullptr;
+  bool stream_open_ ABSL_GUARDED_BY(mutex_) = false;
+  bool stream_broken_ ABSL_GUARDED_BY(mutex_) = false;
+  bool open_timed_out_ ABSL_GUARDED_BY(mutex_) = false;
+  bool close_written_ ABSL_GUARDED_BY(mutex_) = false;
+  std::int64_t credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+
+  // What the server said.
+  bool opened_once_ ABSL_GUARDED_BY(mutex_) = false;
+  std::uint64_t accepted_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t fused_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t num_problems_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t num_reconnects_ ABSL_GUARDED_BY(mutex_) = 0;
+  Clock::time_point progress_time_ ABSL_GUARDED_BY(mutex_) = {};
+  std::optional<SessionClosed> closed_ ABSL_GUARDED_BY(mutex_);
+  absl::Status last_error_ ABSL_GUARDED_BY(mutex_);
+  absl::Status failure_ ABSL_GUARDED_BY(mutex_);
+  bool ended_ ABSL_GUARDED_BY(mutex_) = false;
+
+  std::thread supervisor_;
+};
+
+IngestClient::IngestClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+IngestClient::~IngestClient() = default;
+
+absl::StatusOr<std::unique_ptr<IngestClient>> IngestClient::Open(
+    std::shared_ptr<const Connection> connection, const SessionSetup& setup,
+    IngestOptions options) {
+  auto impl = std::make_unique<Impl>(std::move(connection), setup, std::move(options));
+  GEM_RETURN_IF_ERROR(impl->Open());
+  return std::unique_ptr<IngestClient>(new IngestClient(std::move(impl)));
+}
+
+const SessionOpened& IngestClient::opened() const { return impl_->opened(); }
+absl::Status IngestClient::Send(const OutgoingScan& scan) { return impl_->Send(scan); }
+absl::Status IngestClient::SendPoses(const std::vector<StampedPose<Odom, Base>>& poses) {
+  return impl_->SendPoses(poses);
+}
+absl::Status IngestClient::WaitUntilFused() { return impl_->WaitUntilFused(); }
+absl::StatusOr<SessionClosed> IngestClient::Close() { return impl_->Close(); }
+IngestProgress IngestClient::progress() const { return impl_->progress(); }
+
+}  // namespace gem::client

@@ -1,0 +1,163 @@
+// Streams the scans of one session to a server: waits for credit, keeps what the server has not
+// fused, and after a broken stream opens the session again and sends what is missing.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/connection.h"
+#include "core/geometry/pose.h"
+#include "core/geometry/trajectory.h"
+#include "core/grid/map_version.h"
+#include "core/sensor/noise_model.h"
+#include "core/sensor/scan.h"
+
+namespace gem::client {
+
+/// A sensor, where it is mounted and how it errs.
+struct SensorSetup {
+  std::string name;
+  Pose<Base, Sensor> T_B_S;
+  NoiseModel noise;
+};
+
+/// Axis-aligned box in B, metres.
+struct Box {
+  Eigen::Vector3f min = Eigen::Vector3f::Zero();
+  Eigen::Vector3f max = Eigen::Vector3f::Zero();
+};
+
+/// What a session is made of. What is unset takes the server's default.
+struct SessionSetup {
+  std::string map;      ///< created if it does not exist
+  std::string robot;    ///< id
+  std::string session;  ///< id, unique within the map; the same id resumes
+  Pose<Global, Odom> T_G_O;
+  std::vector<SensorSetup> sensors;
+
+  // The local map.
+  std::optional<float> side_m;
+  std::optional<float> range_m_min;
+  std::optional<float> range_m_max;
+  std::optional<float> height_m_min;  ///< over B
+  std::optional<float> height_m_max;  ///< over B
+  std::optional<Box> body;            ///< points inside are the robot itself
+
+  // The map, if this session creates it; else it must agree.
+  std::optional<float> cell_size_m;
+  std::optional<float> submap_length_m;
+  bool traversable_only = false;
+};
+
+/// Covariance of a pose.
+struct PoseCovariance {
+  Eigen::Matrix3d translation_m2 = Eigen::Matrix3d::Zero();  ///< in O
+  Eigen::Matrix3d rotation_rad2 = Eigen::Matrix3d::Zero();   ///< of the rotation vector, in B
+};
+
+/// One scan to send; somebody else holds the points, which must be finite.
+struct OutgoingScan {
+  std::int64_t stamp_ns = 0;  ///< newer than the last scan's
+  std::string sensor;
+  std::optional<Pose<Odom, Base>> T_O_B;  ///< nothing: the server takes it from streamed poses
+  std::optional<PoseCovariance> covariance;
+  std::span<const ScanPoint> points;
+};
+
+/// How points travel.
+enum class PointEncoding {
+  kFloat32,  ///< exact; 12 bytes a point, 16 with colour
+  kInt16,    ///< 6 bytes a point, in steps of 1 mm, or more if a point is farther than 32 m
+};
+
+/// What the server refused. A refused scan does not end the session.
+struct IngestProblem {
+  std::uint64_t seq = 0;  ///< 0: a batch of poses, or several scans
+  std::string reason;     ///< for programs: "malformed", "out_of_order", ...
+  std::string message;    ///< for people: the field, its value, the limit
+};
+
+struct IngestOptions {
+  /// To reach the server and open the session, seconds. Range (0, 3600].
+  double open_timeout_s = 10;
+  /// Without an answer of the server while one is due, seconds. Range (0, 1e6].
+  double progress_timeout_s = 120;
+  /// Streams that are tried one after the other without getting a scan accepted. Range [1, 1000].
+  int tries_max = 10;
+  /// First wait between two tries, seconds; doubles each time. Range [0, backoff_s_max].
+  double backoff_s_min = 0.1;
+  double backoff_s_max = 5;
+  /// Scans that are kept until they are fused, bytes of points. One scan always fits.
+  std::uint64_t buffer_bytes_max = std::uint64_t{256} << 20;
+  PointEncoding point_encoding = PointEncoding::kFloat32;
+  /// Called for everything the server refuses, from a thread of the library; must not call back
+  /// into the client.
+  std::function<void(const IngestProblem&)> on_problem;
+};
+
+/// The server's answer to opening.
+struct SessionOpened {
+  std::uint64_t resume_after_seq = 0;  ///< scans that an earlier stream of this session delivered
+  std::uint64_t scan_bytes_max = 0;
+  double cell_size_m = 0;
+  double local_map_side_m = 0;
+};
+
+struct IngestProgress {
+  std::uint64_t sent_seq = 0;   ///< newest scan given to Send()
+  std::uint64_t fused_seq = 0;  ///< all up to here are fused or refused
+  std::uint64_t num_problems = 0;
+  std::uint64_t num_reconnects = 0;
+};
+
+/// The server's answer to Close().
+struct SessionClosed {
+  MapVersion version;  ///< maps of this version and later show everything the session sent
+  std::uint64_t num_scans_fused = 0;
+  std::uint64_t num_scans_refused = 0;
+};
+
+/// One session. Send(), SendPoses(), WaitUntilFused() and Close() come from one thread; progress()
+/// from any.
+class IngestClient {
+ public:
+  /// Opens the session, or goes on with it.
+  static absl::StatusOr<std::unique_ptr<IngestClient>> Open(
+      std::shared_ptr<const Connection> connection, const SessionSetup& setup,
+      IngestOptions options = {});
+  /// Breaks the stream. The session goes on: open it again with its id.
+  ~IngestClient();
+
+  const SessionOpened& opened() const;
+
+  /// Numbers the scan and hands it to the stream; waits for credit and for room in the buffer.
+  /// INVALID_ARGUMENT: the scan is too large or does not fit its encoding, and is not sent.
+  /// Other errors end the client: DEADLINE_EXCEEDED, DATA_LOSS (the server forgot the session), or
+  /// why the server cannot be reached.
+  absl::Status Send(const OutgoingScan& scan);
+  /// Poses for scans that carry none; stamps increase. At most 4096.
+  absl::Status SendPoses(const std::vector<StampedPose<Odom, Base>>& poses);
+
+  /// Returns when every scan that was sent is fused or refused.
+  absl::Status WaitUntilFused();
+
+  /// Ends the session; returns when everything it sent is in the published map.
+  absl::StatusOr<SessionClosed> Close();
+
+  IngestProgress progress() const;
+
+ private:
+  class Impl;
+  explicit IngestClient(std::unique_ptr<Impl> impl);
+  const std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace gem::client

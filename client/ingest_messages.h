@@ -1,0 +1,22 @@
+// Domain types of the ingest client -> gem.v1 messages. Private to the library.
+#pragma once
+
+#include "absl/status/status.h"
+#include "client/ingest_client.h"
+
+namespace gem::v1 {
+class OpenSession;
+class Scan;
+class ScanProblem;
+}  // namespace gem::v1
+
+namespace gem::client {
+
+void ToProto(const SessionSetup& setup, v1::OpenSession* proto);
+
+/// Everything but the sequence number. INVALID_ARGUMENT for a point that is not finite.
+absl::Status ToProto(const OutgoingScan& scan, PointEncoding encoding, v1::Scan* proto);
+
+IngestProblem FromProto(const v1::ScanProblem& proto);
+
+}  // namespace gem::client

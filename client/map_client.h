@@ -1,0 +1,96 @@
+// Reads maps from a server, and corrects them: one function per unary call, with deadlines. Not for
+// scans: those go through IngestClient.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/connection.h"
+#include "client/map_types.h"
+
+namespace gem::client {
+
+/// How the server stores cells on the wire.
+enum class CellEncoding {
+  kRaw,      ///< exact
+  kCompact,  ///< a third of the bytes or less; elevation rounded to 1 mm
+};
+
+struct MapClientOptions {
+  /// Of a call that reads. Range (0, 1e6].
+  double deadline_s = 30;
+  /// Of a correction, which is answered when the corrected map is published. Range (0, 1e6].
+  double correction_deadline_s = 600;
+  /// How often tiles are read again because the map changed between two batches. Range [1, 1000].
+  int consistent_tries_max = 20;
+  /// How often a correction is sent if the server is not reached. Range [1, 100].
+  int correction_tries_max = 3;
+};
+
+/// What a call asks for of the cells.
+struct CellSelection {
+  std::vector<Layer> layers = {Layer::kElevation};
+  CellEncoding encoding = CellEncoding::kCompact;
+};
+
+/// A rectangle of G, metres, half open: [x_m_min, x_m_max) x [y_m_min, y_m_max).
+struct Region {
+  double x_m_min = 0, y_m_min = 0, x_m_max = 0, y_m_max = 0;
+};
+
+/// Tiles with their geometry, all of one version.
+struct TiledMap {
+  TileMatrix matrix;
+  TileSet tiles;
+};
+
+/// Thread-safe. Errors carry the server's code and text, which names the field; UNAVAILABLE names
+/// the address.
+class MapClient {
+ public:
+  explicit MapClient(std::shared_ptr<const Connection> connection, MapClientOptions options = {});
+  ~MapClient();
+
+  absl::StatusOr<MapInfo> GetMap(const std::string& map) const;
+  /// All maps, page by page.
+  absl::StatusOr<std::vector<MapInfo>> ListMaps() const;
+  /// All submaps of a map. Pages of different versions are read again; ABORTED if the map never
+  /// keeps still.
+  absl::StatusOr<std::vector<SubmapInfo>> ListSubmaps(const std::string& map) const;
+  absl::StatusOr<TileMatrix> GetTileMatrix(const std::string& map) const;
+
+  /// Any number of tiles, in batches, all of one version: read again if the map changes meanwhile;
+  /// ABORTED if it does so too often.
+  absl::StatusOr<TileSet> GetTiles(const std::string& map, const std::vector<TileIndex>& tiles,
+                                   const CellSelection& selection) const;
+  /// The whole map, or the tiles that the region touches; matrix and tiles are of one version.
+  absl::StatusOr<TiledMap> ReadMap(const std::string& map, const std::optional<Region>& region,
+                                   const CellSelection& selection) const;
+
+  absl::StatusOr<LocalMap> GetLocalMap(const std::string& robot,
+                                       const CellSelection& selection) const;
+
+  /// Returns when the corrected map is published. Sent again if the server is not reached: the
+  /// request id makes that harmless.
+  absl::StatusOr<CorrectionResult> CorrectTrajectory(const Correction& correction) const;
+
+  absl::StatusOr<ServerStatus> GetServerStatus() const;
+
+ private:
+  struct Stubs;
+
+  absl::StatusOr<TileSet> GetTilesOnce(const std::string& map, const std::vector<TileIndex>& tiles,
+                                       const CellSelection& selection) const;
+
+  const std::shared_ptr<const Connection> connection_;
+  const MapClientOptions options_;
+  const std::unique_ptr<const Stubs> stubs_;
+};
+
+/// 16 hexadecimal digits that no other call gave: for request ids and session ids.
+std::string UniqueId();
+
+}  // namespace gem::client

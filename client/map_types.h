@@ -1,0 +1,120 @@
+// What the server tells about maps, as the client library gives it to its users.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/geometry/pose.h"
+#include "core/geometry/trajectory.h"
+#include "core/grid/cell_index.h"
+#include "core/grid/layered_grid.h"
+#include "core/grid/map_version.h"
+
+namespace gem::client {
+
+struct MapInfo {
+  std::string id;
+  double cell_size_m = 0;
+  double submap_length_m = 0;
+  bool traversable_only = false;
+  MapVersion version;
+  std::uint64_t num_submaps = 0;
+  std::uint64_t num_points = 0;
+  std::uint64_t submap_bytes = 0;
+  std::uint64_t num_tiles = 0;
+  std::vector<std::string> sessions;
+};
+
+struct SubmapInfo {
+  std::uint64_t id = 0;
+  std::string session;
+  std::vector<std::string> robots;
+  Pose<Global, Submap> T_G_K;
+  std::int64_t anchor_stamp_ns = 0;
+  std::uint64_t num_points = 0;
+  std::int64_t first_stamp_ns = 0;
+  std::int64_t last_stamp_ns = 0;
+  bool finished = false;
+};
+
+/// Geometry and extent of a map's tiles.
+struct TileMatrix {
+  double cell_size_m = 0;
+  float traversability_free = 0;  ///< cells above this are free
+  std::vector<TileIndex> tiles;   ///< all that hold cells, by row, then column
+  MapVersion version;
+};
+
+/// One tile: kTileCells x kTileCells cells of G.
+struct MapTile {
+  TileIndex index;
+  MapVersion version;               ///< of its last change
+  std::optional<LayeredGrid> grid;  ///< nothing: no cell of it is known
+};
+
+/// Tiles of one version.
+struct TileSet {
+  MapVersion version;
+  std::vector<MapTile> tiles;
+};
+
+/// The newest robocentric map of a robot. Frame O.
+struct LocalMap {
+  std::int64_t stamp_ns = 0;  ///< of the newest fused scan
+  std::uint64_t seq = 0;      ///< of that scan
+  CellIndex origin;           ///< cell of O at column 0, row 0
+  LayeredGrid grid;
+  Pose<Odom, Base> T_O_B;    ///< at the stamp
+  Pose<Global, Odom> T_G_O;  ///< at the stamp, from the newest correction
+  std::string session;
+  float traversability_free = 0;  ///< cells above this are free
+};
+
+/// SLAM's corrected trajectory of one session.
+struct Correction {
+  std::string map;
+  std::string session;
+  std::string request_id;  ///< a request with the id of an earlier one changes nothing; empty: made
+  std::vector<StampedPose<Global, Base>> poses;  ///< the whole trajectory, increasing stamps
+};
+
+struct CorrectionResult {
+  MapVersion version;  ///< shows the correction
+  std::uint32_t num_moved_submaps = 0;
+  std::uint32_t num_touched_tiles = 0;
+  std::uint32_t num_poses_ahead = 0;    ///< kept until the session reaches their stamp
+  std::uint32_t num_poses_ignored = 0;  ///< before the session began
+};
+
+struct SessionStatus {
+  std::string map;
+  std::string robot;
+  std::string session;
+  bool active = false;
+  bool connected = false;
+  std::uint64_t num_scans_fused = 0;
+  std::uint64_t num_scans_refused = 0;
+  std::uint64_t queue_bytes = 0;
+  std::uint64_t fused_seq = 0;
+};
+
+struct StageTiming {
+  std::string mapper;  ///< "local" or "global"
+  std::string stage;
+  std::uint64_t count = 0;
+  double total_s = 0;
+  double max_s = 0;
+};
+
+struct ServerStatus {
+  std::string server_version;
+  std::string backend;
+  double uptime_s = 0;
+  std::vector<SessionStatus> sessions;
+  std::vector<StageTiming> timings;
+};
+
+}  // namespace gem::client

@@ -1,0 +1,353 @@
+#include "core/global/global_mapper.h"
+
+#include <algorithm>
+#include <deque>
+#include <optional>
+#include <utility>
+
+#include "absl/container/btree_map.h"
+#include "absl/container/flat_hash_map.h"
+#include "absl/container/flat_hash_set.h"
+#include "absl/strings/str_cat.h"
+#include "core/base/check.h"
+#include "core/base/status_macros.h"
+#include "core/base/stopwatch.h"
+#include "core/global/coverage.h"
+#include "core/global/placement.h"
+#include "core/global/submap_merger.h"
+#include "core/global/tile_composer.h"
+
+namespace gem {
+namespace {
+
+struct Session {
+  Session(const std::string& session, const std::string& robot_name,
+          const Pose<Global, Odom>& T_G_O, std::size_t odometry_poses_max)
+      : name(session), robot(robot_name), trajectory(T_G_O, odometry_poses_max) {}
+
+  std::string name;
+  std::string robot;
+  SessionTrajectory trajectory;
+  std::shared_ptr<const Submap> active;
+  std::optional<std::int64_t> active_anchor_ns;  ///< of the submap that active_id belongs to
+  SubmapId active_id{};
+  std::shared_ptr<const LocalField> local_field;
+  bool ended = false;
+};
+
+bool SameContent(const Submap& a, const Submap& b) {
+  return a.num_cells() == b.num_cells() && a.rect() == b.rect() &&
+         a.origin().robots == b.origin().robots &&
+         std::all_of(a.groups().begin(), a.groups().end(),
+                     [&](const Submap::Group& group) { return SameGroup(a, group, b); });
+}
+
+absl::Status CheckSubmap(const Submap& submap, const std::string& session, float cell_size_m) {
+  if (submap.origin().session != session)
+    return absl::InvalidArgumentError(absl::StrCat(
+        "update.submap.session is \"", submap.origin().session, "\", want \"", session, "\""));
+  if (submap.origin().cell_size_m != cell_size_m)
+    return absl::InvalidArgumentError(absl::StrCat(
+        "update.submap.cell_size_m is ", submap.origin().cell_size_m, ", want ", cell_size_m));
+  return absl::OkStatus();
+}
+
+absl::Status CheckUpdate(const SessionUpdate& update, const Session& session, float cell_size_m) {
+  const Trajectory<Odom, Base>& odometry = session.trajectory.odometry();
+  std::optional<std::int64_t> newest_ns;
+  if (!odometry.empty()) newest_ns = odometry.back().stamp_ns;
+  for (const StampedPose<Odom, Base>& pose : update.odometry) {
+    if (newest_ns && pose.stamp_ns <= *newest_ns)
+      return absl::InvalidArgumentError(absl::StrCat("update.odometry.stamp_ns is ", pose.stamp_ns,
+                                                     ", want more than ", *newest_ns));
+    newest_ns = pose.stamp_ns;
+  }
+  for (const auto& submap : update.finished) {
+    GEM_CHECK(submap != nullptr);
+    GEM_RETURN_IF_ERROR(CheckSubmap(*submap, session.name, cell_size_m));
+  }
+  if (update.active != nullptr)
+    GEM_RETURN_IF_ERROR(CheckSubmap(*update.active, session.name, cell_size_m));
+  if (update.local_map != nullptr && update.local_map->cell_size_m != cell_size_m)
+    return absl::InvalidArgumentError(absl::StrCat(
+        "update.local_map.cell_size_m is ", update.local_map->cell_size_m, ", want ", cell_size_m));
+  return absl::OkStatus();
+}
+
+SubmapInfo InfoOf(const PlacedSubmap& placed) {
+  const Submap& submap = *placed.submap;
+  SubmapInfo info{
+      submap.origin(),         placed.T_G_K,           submap.num_cells(), submap.size_bytes(),
+      submap.first_stamp_ns(), submap.last_stamp_ns(), placed.finished};
+  info.origin.id = placed.id;
+  return info;
+}
+
+bool Same(const std::vector<SessionInfo>& a, const std::vector<SessionInfo>& b) {
+  return std::equal(
+      a.begin(), a.end(), b.begin(), b.end(), [](const SessionInfo& x, const SessionInfo& y) {
+        return x.session == y.session && x.ended == y.ended && Identical(x.T_G_O, y.T_G_O);
+      });
+}
+
+}  // namespace
+
+struct GlobalMapper::Impl {
+  explicit Impl(const GlobalMapOptions& map_options)
+      : options(map_options), composer(map_options) {}
+
+  struct CollectedSubmap {
+    SubmapId id{};
+    std::shared_ptr<const Submap> submap;
+    bool finished = false;
+  };
+
+  absl::StatusOr<Session*> Find(const std::string& name) {
+    const auto it = session_of.find(name);
+    if (it == session_of.end())
+      return absl::NotFoundError(absl::StrCat("session \"", name, "\" is unknown"));
+    return it->second;
+  }
+
+  SubmapId IdOf(Session& session, const Submap& submap);
+  std::vector<CollectedSubmap> CollectSubmaps() const;
+  void PlaceSubmaps(const std::vector<CollectedSubmap>& collected, MapContent& next,
+                    absl::flat_hash_set<SubmapId>& changed, CommitReport& report) const;
+  void PlaceLocalMaps(MapContent& next) const;
+  std::shared_ptr<const MapSnapshot> Publish(const std::shared_ptr<const MapSnapshot>& old,
+                                             MapContent next, const TileComposer::Result& composed);
+
+  // Constant after construction.
+  const GlobalMapOptions options;
+
+  // What was told, whether published or not.
+  std::deque<Session> sessions;  // by order of arrival
+  absl::flat_hash_map<std::string, Session*> session_of;
+  absl::btree_map<SubmapId, std::shared_ptr<const Submap>> finished;
+  std::uint64_t last_id = 0;
+
+  // What is published. A commit compares the two, so that one that is cancelled loses nothing.
+  MapContent content;
+  TileComposer composer;
+};
+
+GlobalMapper::GlobalMapper(const GlobalMapOptions& options, std::uint64_t epoch)
+    : impl_(std::make_unique<Impl>(options)) {
+  auto snapshot = std::make_shared<MapSnapshot>();
+  snapshot->version.epoch = epoch;
+  snapshot->options = options;
+  snapshot_ = std::move(snapshot);
+}
+
+GlobalMapper::~GlobalMapper() = default;
+
+absl::Status GlobalMapper::AddSession(const std::string& session, const std::string& robot,
+                                      const Pose<Global, Odom>& T_G_O) {
+  if (impl_->session_of.contains(session))
+    return absl::AlreadyExistsError(absl::StrCat("session \"", session, "\" exists"));
+  impl_->sessions.emplace_back(session, robot, T_G_O,
+                               static_cast<std::size_t>(impl_->options.odometry_poses_max));
+  impl_->session_of[session] = &impl_->sessions.back();
+  return absl::OkStatus();
+}
+
+absl::Status GlobalMapper::Update(const std::string& name, SessionUpdate update) {
+  GEM_ASSIGN_OR_RETURN(Session * session, impl_->Find(name));
+  if (session->ended)
+    return absl::FailedPreconditionError(absl::StrCat("session \"", name, "\" has ended"));
+  GEM_RETURN_IF_ERROR(CheckUpdate(update, *session, impl_->options.cell_size_m));
+
+  for (const StampedPose<Odom, Base>& pose : update.odometry)
+    session->trajectory.AppendOdometry(pose.stamp_ns, pose.T_A_B);
+  for (std::shared_ptr<const Submap>& submap : update.finished) {
+    if (submap->empty()) continue;
+    const SubmapId id = impl_->IdOf(*session, *submap);
+    impl_->finished[id] = std::move(submap);
+  }
+  session->ended = update.ended;
+  session->active = update.ended ? nullptr : std::move(update.active);
+  if (session->active != nullptr && session->active->empty()) session->active = nullptr;
+  if (session->active != nullptr) impl_->IdOf(*session, *session->active);
+  const std::shared_ptr<const LocalMap> local_map =
+      update.ended ? nullptr : std::move(update.local_map);
+  if (local_map == nullptr) {
+    session->local_field = nullptr;
+  } else if (session->local_field == nullptr || session->local_field->shared_map() != local_map) {
+    session->local_field = std::make_shared<const LocalField>(local_map);
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<CorrectionCounts> GlobalMapper::Correct(const std::string& name,
+                                                       CorrectedTrajectory correction) {
+  GEM_ASSIGN_OR_RETURN(Session * session, impl_->Find(name));
+  if (correction.empty()) return absl::InvalidArgumentError("correction.poses is empty");
+  for (std::size_t i = 1; i < correction.size(); ++i)
+    if (correction[i].stamp_ns <= correction[i - 1].stamp_ns)
+      return absl::InvalidArgumentError(absl::StrCat("correction.poses[", i, "].stamp_ns is ",
+                                                     correction[i].stamp_ns, ", want more than ",
+                                                     correction[i - 1].stamp_ns));
+  const Trajectory<Odom, Base>& odometry = session->trajectory.odometry();
+  if (!odometry.empty() && correction.back().stamp_ns < odometry.front().stamp_ns)
+    return absl::OutOfRangeError(absl::StrCat("correction.poses end at stamp_ns ",
+                                              correction.back().stamp_ns, ", before session \"",
+                                              name, "\" began at ", odometry.front().stamp_ns));
+  if (session->ended &&
+      (odometry.empty() || correction.front().stamp_ns > odometry.back().stamp_ns))
+    return absl::OutOfRangeError(absl::StrCat("correction.poses begin at stamp_ns ",
+                                              correction.front().stamp_ns, ", after session \"",
+                                              name, "\" ended"));
+  return session->trajectory.SetCorrection(correction);
+}
+
+std::shared_ptr<const MapSnapshot> GlobalMapper::Commit(const CancelToken& cancel,
+                                                        CommitReport& report) {
+  report = {};
+  const auto cancelled = [&report, this] {
+    report.cancelled = true;
+    return snapshot_;
+  };
+  if (cancel.cancelled()) return cancelled();
+
+  Stopwatch stopwatch;
+  const std::vector<Impl::CollectedSubmap> collected = impl_->CollectSubmaps();
+  report.seconds.finish = stopwatch.Lap();
+
+  MapContent next;
+  absl::flat_hash_set<SubmapId> changed;
+  impl_->PlaceSubmaps(collected, next, changed, report);
+  impl_->PlaceLocalMaps(next);
+  report.seconds.deform = stopwatch.Lap();
+
+  Maintenance maintenance = Maintain(std::move(next.submaps), changed, impl_->options, cancel);
+  report.seconds.merge = changed.empty() ? 0 : stopwatch.Lap();
+  if (maintenance.cancelled) return cancelled();
+  next.submaps = std::move(maintenance.submaps);
+
+  const MapVersion version{snapshot_->version.epoch, snapshot_->version.revision + 1};
+  const TileComposer::Result composed =
+      impl_->composer.Compose(impl_->content, next, snapshot_->tiles, version, cancel);
+  if (composed.cancelled) return cancelled();
+  report.num_merged_submaps = maintenance.num_merged;
+  report.num_touched_tiles = static_cast<std::uint32_t>(composed.rendered.size());
+  snapshot_ = impl_->Publish(snapshot_, std::move(next), composed);
+  report.seconds.compose = composed.rendered.empty() ? 0 : stopwatch.Lap();
+  return snapshot_;
+}
+
+// The active submap keeps its id when it is finished.
+SubmapId GlobalMapper::Impl::IdOf(Session& session, const Submap& submap) {
+  const std::int64_t anchor_ns = submap.origin().anchor_stamp_ns;
+  if (session.active_anchor_ns != anchor_ns) {
+    session.active_anchor_ns = anchor_ns;
+    session.active_id = SubmapId{++last_id};
+  }
+  return session.active_id;
+}
+
+std::vector<GlobalMapper::Impl::CollectedSubmap> GlobalMapper::Impl::CollectSubmaps() const {
+  std::vector<CollectedSubmap> collected;
+  collected.reserve(finished.size() + sessions.size());
+  for (const auto& [id, submap] : finished) collected.push_back({id, submap, true});
+  for (const Session& session : sessions)
+    if (session.active != nullptr) collected.push_back({session.active_id, session.active, false});
+  std::sort(collected.begin(), collected.end(),
+            [](const CollectedSubmap& a, const CollectedSubmap& b) { return a.id < b.id; });
+  return collected;
+}
+
+// A submap that is as it was keeps its placement: then it touches nothing.
+void GlobalMapper::Impl::PlaceSubmaps(const std::vector<CollectedSubmap>& collected,
+                                      MapContent& next, absl::flat_hash_set<SubmapId>& changed,
+                                      CommitReport& report) const {
+  auto before = content.submaps.begin();
+  next.submaps.reserve(collected.size());
+  for (const CollectedSubmap& is : collected) {
+    const SubmapOrigin& origin = is.submap->origin();
+    const Pose<Global, Submap> T_G_K =
+        session_of.at(origin.session)
+            ->trajectory.T_G_O(origin.anchor_stamp_ns, Point<Odom>(origin.T_O_K.translation())) *
+        origin.T_O_K;
+    while (before != content.submaps.end() && (*before)->id < is.id) ++before;
+    const bool is_new = before == content.submaps.end() || (*before)->id != is.id;
+    const bool moved = !is_new && !Identical((*before)->T_G_K, T_G_K);
+    const bool finished_now = is.finished && (is_new || !(*before)->finished);
+    const bool same =
+        !is_new && !moved && !finished_now &&
+        ((*before)->submap == is.submap || SameContent(*(*before)->submap, *is.submap));
+    if (moved) ++report.num_moved_submaps;
+    if (is.finished && (moved || finished_now)) changed.insert(is.id);
+    next.submaps.push_back(
+        same ? *before
+             : std::make_shared<const PlacedSubmap>(Place(is.id, is.submap, is.finished, T_G_K)));
+  }
+}
+
+void GlobalMapper::Impl::PlaceLocalMaps(MapContent& next) const {
+  for (const Session& session : sessions) {
+    if (session.local_field == nullptr || session.local_field->empty()) continue;
+    const Pose<Global, Odom> T_G_O = session.trajectory.T_G_O(session.local_field->map().stamp_ns);
+    const auto before =
+        std::find_if(content.local_maps.begin(), content.local_maps.end(),
+                     [&](const auto& placed) { return placed->session == session.name; });
+    const bool same = before != content.local_maps.end() &&
+                      (*before)->field == session.local_field && Identical((*before)->T_G_O, T_G_O);
+    next.local_maps.push_back(same ? *before
+                                   : std::make_shared<const PlacedLocalMap>(
+                                         Place(session.name, session.local_field, T_G_O)));
+  }
+  std::sort(next.local_maps.begin(), next.local_maps.end(),
+            [](const auto& a, const auto& b) { return a->session < b->session; });
+}
+
+// Takes over what a commit worked out; the old snapshot itself if nothing in it has changed.
+std::shared_ptr<const MapSnapshot> GlobalMapper::Impl::Publish(
+    const std::shared_ptr<const MapSnapshot>& old, MapContent next,
+    const TileComposer::Result& composed) {
+  const bool submaps_changed = next.submaps != content.submaps;
+  content = std::move(next);
+  composer.Adopt(composed);
+  // Maintenance may have replaced and removed some.
+  if (submaps_changed) {
+    finished.clear();
+    for (const auto& placed : content.submaps)
+      if (placed->finished) finished[placed->id] = placed->submap;
+  }
+
+  std::vector<SessionInfo> infos;
+  for (const Session& session : sessions) {
+    const Trajectory<Odom, Base>& odometry = session.trajectory.odometry();
+    const std::int64_t newest_ns = odometry.empty() ? 0 : odometry.back().stamp_ns;
+    infos.push_back(
+        {session.name, session.robot, session.trajectory.T_G_O(newest_ns), session.ended});
+  }
+  if (!submaps_changed && !composed.changed && Same(infos, old->sessions)) return old;
+
+  auto snapshot = std::make_shared<MapSnapshot>();
+  snapshot->version = {old->version.epoch, old->version.revision + 1};
+  snapshot->options = options;
+  snapshot->sessions = std::move(infos);
+  snapshot->tiles = old->tiles;
+  for (const TileComposer::Result::Rendered& rendered : composed.rendered) {
+    if (rendered.tile == nullptr) {
+      snapshot->tiles.erase(rendered.index);
+    } else {
+      snapshot->tiles[rendered.index] = rendered.tile;
+    }
+  }
+  bool observed = false;
+  const auto observe = [&](std::int64_t stamp_ns) {
+    snapshot->newest_stamp_ns = observed ? std::max(snapshot->newest_stamp_ns, stamp_ns) : stamp_ns;
+    observed = true;
+  };
+  for (const auto& placed : content.submaps) {
+    snapshot->submaps.push_back(InfoOf(*placed));
+    snapshot->num_points += placed->submap->num_cells();
+    snapshot->submap_bytes += placed->submap->size_bytes();
+    observe(placed->submap->last_stamp_ns());
+  }
+  for (const auto& placed : content.local_maps) observe(placed->field->newest_ns());
+  return snapshot;
+}
+
+}  // namespace gem

@@ -1,0 +1,57 @@
+// A published version of the global map: immutable, so that readers hold no lock.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/container/flat_hash_map.h"
+#include "core/geometry/pose.h"
+#include "core/global/global_map_options.h"
+#include "core/global/submap.h"
+#include "core/grid/cell_belief.h"
+#include "core/grid/map_version.h"
+
+namespace gem {
+
+/// 128x128 cells of G, by IndexInTile(). Elevation over z = 0 of G. A tile holds at least one known
+/// cell.
+struct Tile {
+  TileIndex index;
+  MapVersion version;             ///< of its last change
+  std::vector<CellBelief> cells;  ///< kTileCells * kTileCells
+};
+
+/// A submap as readers see it.
+struct SubmapInfo {
+  SubmapOrigin origin;
+  Pose<Global, Submap> T_G_K;
+  std::uint64_t num_cells = 0;
+  std::uint64_t size_bytes = 0;
+  std::int64_t first_stamp_ns = 0;
+  std::int64_t last_stamp_ns = 0;
+  bool finished = false;
+};
+
+/// A session as readers see it.
+struct SessionInfo {
+  std::string session;
+  std::string robot;
+  Pose<Global, Odom> T_G_O;  ///< at its newest pose
+  bool ended = false;
+};
+
+struct MapSnapshot {
+  MapVersion version;
+  GlobalMapOptions options;
+  absl::flat_hash_map<TileIndex, std::shared_ptr<const Tile>> tiles;
+  std::vector<SubmapInfo> submaps;    ///< by id
+  std::vector<SessionInfo> sessions;  ///< by order of arrival
+  std::uint64_t num_points = 0;       ///< cells in all submaps
+  std::uint64_t submap_bytes = 0;
+  std::int64_t newest_stamp_ns = 0;  ///< newest observation in the map
+};
+
+}  // namespace gem

@@ -1,0 +1,167 @@
+#include "core/global/submap.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "core/base/check.h"
+
+namespace gem {
+namespace {
+
+constexpr std::int64_t kNsPerMs = 1'000'000;
+constexpr std::int64_t kStampSpan_ns = std::numeric_limits<std::uint32_t>::max() * kNsPerMs;
+
+std::int64_t FloorToMs(std::int64_t stamp_ns) {
+  const std::int64_t remainder = stamp_ns % kNsPerMs;
+  return stamp_ns - (remainder < 0 ? remainder + kNsPerMs : remainder);
+}
+
+// The small addend lets n / 255 in float come back as n, not as n - 1.
+std::uint8_t QuantiseTraversability(float traversability) {
+  const float steps = std::clamp(traversability, 0.0f, 1.0f) * 255.0f + 1e-3f;
+  return static_cast<std::uint8_t>(steps);
+}
+
+CellRect BoundsOf(const std::vector<KeyedSubmapCell>& cells) {
+  if (cells.empty()) return {};
+  CellRect rect{cells.front().cell, cells.front().cell};
+  for (const KeyedSubmapCell& keyed : cells) {
+    rect.min = {std::min(rect.min.x, keyed.cell.x), std::min(rect.min.y, keyed.cell.y)};
+    rect.max = {std::max(rect.max.x, keyed.cell.x), std::max(rect.max.y, keyed.cell.y)};
+  }
+  GEM_CHECK(static_cast<std::int64_t>(rect.max.x) - rect.min.x < kSubmapSideCells_max);
+  GEM_CHECK(static_cast<std::int64_t>(rect.max.y) - rect.min.y < kSubmapSideCells_max);
+  rect.max = {rect.max.x + 1, rect.max.y + 1};
+  return rect;
+}
+
+}  // namespace
+
+Submap::Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells)
+    : origin_(std::move(origin)), rect_(BoundsOf(cells)) {
+  if (cells.empty()) return;
+  BuildGroups(cells);
+
+  first_stamp_ns_ = last_stamp_ns_ = cells.front().value.stamp_ns;
+  for (const KeyedSubmapCell& keyed : cells) {
+    first_stamp_ns_ = std::min(first_stamp_ns_, keyed.value.stamp_ns);
+    last_stamp_ns_ = std::max(last_stamp_ns_, keyed.value.stamp_ns);
+  }
+  // Unsigned, so that stamps at both ends of the range do not overflow.
+  const bool spans =
+      static_cast<std::uint64_t>(last_stamp_ns_) - static_cast<std::uint64_t>(first_stamp_ns_) <
+      static_cast<std::uint64_t>(kStampSpan_ns);
+  stamp_base_ns_ = FloorToMs(spans ? first_stamp_ns_ : last_stamp_ns_ - kStampSpan_ns + kNsPerMs);
+
+  elevation_m_.resize(cells.size());
+  covariance_m2_.resize(cells.size());
+  rgba_.resize(cells.size());
+  traversability_.resize(cells.size());
+  stamp_ms_.resize(cells.size());
+  for (const KeyedSubmapCell& keyed : cells) Place(*Find(keyed.cell), keyed.value);
+
+  for (const KeyedSubmapCell& keyed : cells) {
+    const CellIndex in_table{(keyed.cell.x >> kGroupBits) - group_min_.x,
+                             (keyed.cell.y >> kGroupBits) - group_min_.y};
+    const std::size_t slot = static_cast<std::size_t>(in_table.y * group_columns_ + in_table.x);
+    Group& group = groups_[static_cast<std::size_t>(group_index_[slot])];
+    group.elevation_m_min = std::min(group.elevation_m_min, keyed.value.elevation_m);
+    group.elevation_m_max = std::max(group.elevation_m_max, keyed.value.elevation_m);
+  }
+  elevation_m_min_ = *std::min_element(elevation_m_.begin(), elevation_m_.end());
+  elevation_m_max_ = *std::max_element(elevation_m_.begin(), elevation_m_.end());
+}
+
+void Submap::BuildGroups(const std::vector<KeyedSubmapCell>& cells) {
+  group_min_ = {rect_.min.x >> kGroupBits, rect_.min.y >> kGroupBits};
+  group_columns_ = ((rect_.max.x - 1) >> kGroupBits) - group_min_.x + 1;
+  group_rows_ = ((rect_.max.y - 1) >> kGroupBits) - group_min_.y + 1;
+  group_index_.assign(static_cast<std::size_t>(group_columns_ * group_rows_), -1);
+
+  const auto slot_of = [this](CellIndex cell) {
+    return static_cast<std::size_t>(((cell.y >> kGroupBits) - group_min_.y) * group_columns_ +
+                                    (cell.x >> kGroupBits) - group_min_.x);
+  };
+  for (const KeyedSubmapCell& keyed : cells) group_index_[slot_of(keyed.cell)] = 0;
+  std::int32_t num_groups = 0;
+  for (std::int32_t& index : group_index_)
+    if (index == 0) index = num_groups++;
+  groups_.resize(static_cast<std::size_t>(num_groups));
+
+  for (const KeyedSubmapCell& keyed : cells) {
+    Group& group = groups_[static_cast<std::size_t>(group_index_[slot_of(keyed.cell)])];
+    const int bit = BitInGroup(keyed.cell);
+    const std::uint64_t mask = std::uint64_t{1} << (bit & 63);
+    std::uint64_t& word = group.occupied[static_cast<std::size_t>(bit >> 6)];
+    GEM_CHECK((word & mask) == 0);  // each cell at most once
+    word |= mask;
+    group.origin = {keyed.cell.x & ~(kGroupCells - 1), keyed.cell.y & ~(kGroupCells - 1)};
+  }
+  std::uint32_t first = 0;
+  for (Group& group : groups_) {
+    group.first = first;
+    for (const std::uint64_t word : group.occupied)
+      first += static_cast<std::uint32_t>(std::popcount(word));
+    group.elevation_m_min = std::numeric_limits<float>::max();
+    group.elevation_m_max = std::numeric_limits<float>::lowest();
+  }
+}
+
+void Submap::Place(std::size_t position, const SubmapCell& cell) {
+  const bool annotated = (cell.state & kCellAnnotated) != 0;
+  const bool colored = (cell.state & kCellColored) != 0;
+  elevation_m_[position] = cell.elevation_m;
+  covariance_m2_[position] = cell.covariance_m2;
+  rgba_[position] = (colored ? cell.rgba & 0xffffffu : 0u) |
+                    (static_cast<std::uint32_t>(cell.state | kCellKnown) << 24);
+  traversability_[position] = annotated ? QuantiseTraversability(cell.traversability) : 0;
+  const std::int64_t since_base_ns = std::max(cell.stamp_ns, stamp_base_ns_) - stamp_base_ns_;
+  stamp_ms_[position] = static_cast<std::uint32_t>(since_base_ns / kNsPerMs);
+}
+
+SubmapCell Submap::At(std::size_t position) const {
+  SubmapCell cell;
+  cell.state = static_cast<std::uint8_t>(rgba_[position] >> 24);
+  cell.elevation_m = elevation_m_[position];
+  cell.covariance_m2 = covariance_m2_[position];
+  cell.traversability = static_cast<float>(traversability_[position]) / 255.0f;
+  if ((cell.state & kCellColored) != 0) cell.rgba = rgba_[position] | 0xff000000u;
+  cell.stamp_ns = stamp_base_ns_ + stamp_ms_[position] * kNsPerMs;
+  return cell;
+}
+
+std::vector<KeyedSubmapCell> Submap::Cells() const {
+  std::vector<KeyedSubmapCell> cells;
+  cells.reserve(num_cells());
+  for (const Group& group : groups_)
+    group.ForEachCell([&](CellIndex cell, std::size_t position) {
+      cells.push_back({cell, At(position)});
+    });
+  return cells;
+}
+
+bool Submap::MayKnowAnyOf(const CellRect& rect) const {
+  const CellRect inside{{std::max(rect.min.x, rect_.min.x), std::max(rect.min.y, rect_.min.y)},
+                        {std::min(rect.max.x, rect_.max.x), std::min(rect.max.y, rect_.max.y)}};
+  if (inside.empty()) return false;
+  for (std::int32_t y = inside.min.y >> kGroupBits; y <= (inside.max.y - 1) >> kGroupBits; ++y) {
+    for (std::int32_t x = inside.min.x >> kGroupBits; x <= (inside.max.x - 1) >> kGroupBits; ++x) {
+      const std::int32_t slot = (y - group_min_.y) * group_columns_ + x - group_min_.x;
+      if (group_index_[static_cast<std::size_t>(slot)] >= 0) return true;
+    }
+  }
+  return false;
+}
+
+std::size_t Submap::size_bytes() const {
+  std::size_t robots_bytes = 0;
+  for (const std::string& robot : origin_.robots) robots_bytes += sizeof(robot) + robot.capacity();
+  return sizeof(*this) + origin_.session.capacity() + robots_bytes +
+         group_index_.capacity() * sizeof(std::int32_t) + groups_.capacity() * sizeof(Group) +
+         elevation_m_.capacity() * sizeof(float) + covariance_m2_.capacity() * sizeof(Covariance3) +
+         rgba_.capacity() * sizeof(Rgba) + traversability_.capacity() +
+         stamp_ms_.capacity() * sizeof(std::uint32_t);
+}
+
+}  // namespace gem

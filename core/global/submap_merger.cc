@@ -1,0 +1,272 @@
+#include "core/global/submap_merger.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "absl/container/flat_hash_map.h"
+#include "core/global/coverage.h"
+#include "core/global/fusion.h"
+#include "core/global/gather.h"
+
+namespace gem {
+namespace {
+
+// A crossing street may be nearer than the street itself, driven again: a few more are tried.
+constexpr std::size_t kNeighbours_max = 4;
+
+Eigen::Matrix3d RotationBetween(const PlacedSubmap& older, const PlacedSubmap& newer) {
+  return older.T_G_K.matrix().transpose() * newer.T_G_K.matrix();
+}
+
+Eigen::Vector3d TranslationBetween(const PlacedSubmap& older, const PlacedSubmap& newer) {
+  return older.T_G_K.matrix().transpose() * (newer.T_G_K.translation() - older.T_G_K.translation());
+}
+
+Covariance3 Rotate(const Eigen::Matrix3d& R, const Covariance3& c) {
+  Eigen::Matrix3d covariance;
+  covariance << c[0], c[1], c[2], c[1], c[3], c[4], c[2], c[4], c[5];
+  const Eigen::Matrix3d rotated = R * covariance * R.transpose();
+  return {static_cast<float>(rotated(0, 0)), static_cast<float>(rotated(0, 1)),
+          static_cast<float>(rotated(0, 2)), static_cast<float>(rotated(1, 1)),
+          static_cast<float>(rotated(1, 2)), static_cast<float>(rotated(2, 2))};
+}
+
+SubmapCell Join(const SubmapCell& stored, const SubmapCell& incoming,
+                const GlobalMapOptions& options) {
+  const bool stored_is_newer = stored.stamp_ns > incoming.stamp_ns;
+  const SubmapCell& newest = stored_is_newer ? stored : incoming;
+  const SubmapCell& oldest = stored_is_newer ? incoming : stored;
+  const double gap_s = 1e-9 * static_cast<double>(newest.stamp_ns - oldest.stamp_ns);
+  const bool agree =
+      Agree(newest.elevation_m, HeightVariance(newest.covariance_m2), oldest.elevation_m,
+            HeightVariance(oldest.covariance_m2), options.gate_sigmas);
+  return agree && gap_s <= options.merge_fuse_time_s_max ? Fuse(newest, oldest) : newest;
+}
+
+// The older submap's cells under the newer one, by group, so that a long thin submap across costs
+// what it covers.
+std::vector<CellIndex> GroupsUnder(const Submap& newer, const Eigen::Matrix3d& R,
+                                   const Eigen::Vector3d& t) {
+  std::vector<CellIndex> groups;
+  for (const Submap::Group& group : newer.groups())
+    AppendSquares(RectUnder(BoxOf(newer, group), R, t, newer.origin().cell_size_m), kGroupBits,
+                  groups);
+  SortUnique(groups);
+  return groups;
+}
+
+bool Fits(const std::vector<KeyedSubmapCell>& cells) {
+  const auto by_x = [](const KeyedSubmapCell& a, const KeyedSubmapCell& b) {
+    return a.cell.x < b.cell.x;
+  };
+  const auto by_y = [](const KeyedSubmapCell& a, const KeyedSubmapCell& b) {
+    return a.cell.y < b.cell.y;
+  };
+  const auto [x_min, x_max] = std::minmax_element(cells.begin(), cells.end(), by_x);
+  const auto [y_min, y_max] = std::minmax_element(cells.begin(), cells.end(), by_y);
+  const auto side = [](std::int32_t min, std::int32_t max) {
+    return static_cast<std::int64_t>(max) - min + 1;
+  };
+  return side(x_min->cell.x, x_max->cell.x) <= kSubmapSideCells_max &&
+         side(y_min->cell.y, y_max->cell.y) <= kSubmapSideCells_max;
+}
+
+bool Overlap(const CellRect& a, const CellRect& b) {
+  return a.min.x < b.max.x && b.min.x < a.max.x && a.min.y < b.max.y && b.min.y < a.max.y;
+}
+
+// Between the middles of the bounding boxes, in half cells, squared.
+double SquaredDistance(const CellRect& a, const CellRect& b) {
+  const double dx = static_cast<double>(a.min.x) + a.max.x - b.min.x - b.max.x;
+  const double dy = static_cast<double>(a.min.y) + a.max.y - b.min.y - b.max.y;
+  return dx * dx + dy * dy;
+}
+
+// The finished submaps of a map while they are merged, found by tile.
+class Neighbourhood {
+ public:
+  explicit Neighbourhood(const std::vector<std::shared_ptr<const PlacedSubmap>>& submaps) {
+    for (const auto& placed : submaps) Put(placed);
+  }
+
+  const PlacedSubmap* Find(SubmapId id) const {
+    const auto it = by_id_.find(id);
+    return it == by_id_.end() ? nullptr : it->second.get();
+  }
+  std::shared_ptr<const PlacedSubmap> Shared(SubmapId id) const {
+    const auto it = by_id_.find(id);
+    return it == by_id_.end() ? nullptr : it->second;
+  }
+
+  void Put(const std::shared_ptr<const PlacedSubmap>& placed) {
+    by_id_[placed->id] = placed;
+    if (!placed->finished) return;
+    for (const TileIndex tile : placed->tiles) {
+      std::vector<SubmapId>& ids = by_tile_[tile];
+      if (std::find(ids.begin(), ids.end(), placed->id) == ids.end()) ids.push_back(placed->id);
+    }
+  }
+  void Remove(SubmapId id) { by_id_.erase(id); }
+
+  // Nearest first.
+  std::vector<const PlacedSubmap*> NeighboursOf(const PlacedSubmap& placed) const {
+    std::vector<SubmapId> ids;
+    for (const TileIndex tile : placed.tiles) {
+      const std::vector<SubmapId>& here = by_tile_.at(tile);
+      ids.insert(ids.end(), here.begin(), here.end());
+    }
+    std::sort(ids.begin(), ids.end());
+    ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+
+    std::vector<const PlacedSubmap*> neighbours;
+    for (const SubmapId id : ids) {
+      const PlacedSubmap* other = Find(id);
+      if (other != nullptr && id != placed.id && Overlap(other->rect_G, placed.rect_G))
+        neighbours.push_back(other);
+    }
+    std::sort(neighbours.begin(), neighbours.end(),
+              [&placed](const PlacedSubmap* a, const PlacedSubmap* b) {
+                const double distance_a = SquaredDistance(a->rect_G, placed.rect_G);
+                const double distance_b = SquaredDistance(b->rect_G, placed.rect_G);
+                if (distance_a != distance_b) return distance_a < distance_b;
+                return Older(*a->submap, *b->submap);
+              });
+    if (neighbours.size() > kNeighbours_max) neighbours.resize(kNeighbours_max);
+    return neighbours;
+  }
+
+ private:
+  absl::flat_hash_map<SubmapId, std::shared_ptr<const PlacedSubmap>> by_id_;
+  absl::flat_hash_map<TileIndex, std::vector<SubmapId>> by_tile_;  ///< may name removed ones
+};
+
+// Merges one submap with the nearest one that it should be merged with. True if it did.
+bool MergeOne(const PlacedSubmap& subject, const GlobalMapOptions& options,
+              Neighbourhood& neighbourhood) {
+  for (const PlacedSubmap* other : neighbourhood.NeighboursOf(subject)) {
+    const bool subject_is_older = Older(*subject.submap, *other->submap);
+    const PlacedSubmap& older = subject_is_older ? subject : *other;
+    const PlacedSubmap& newer = subject_is_older ? *other : subject;
+    if (!ShouldMerge(older, newer, options)) continue;
+    std::shared_ptr<const Submap> merged = Merge(older, newer, options);
+    if (merged == nullptr) continue;
+    const SubmapId gone = newer.id;
+    neighbourhood.Put(std::make_shared<const PlacedSubmap>(
+        Place(older.id, std::move(merged), true, older.T_G_K)));
+    neighbourhood.Remove(gone);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool ShouldMerge(const PlacedSubmap& older, const PlacedSubmap& newer,
+                 const GlobalMapOptions& options) {
+  const Eigen::Matrix3d R = RotationBetween(older, newer);
+  const Eigen::Vector3d t = TranslationBetween(older, newer);
+  const Submap& below = *older.submap;
+  const Submap& above = *newer.submap;
+  const double cell_size_m = below.origin().cell_size_m;
+  const auto wanted = static_cast<std::size_t>(std::ceil(
+      static_cast<double>(options.merge_overlap_min) * static_cast<double>(above.num_cells())));
+
+  // Most neighbours only touch: their groups tell without looking at cells.
+  std::vector<const Submap::Group*> near;
+  std::size_t num_left = 0;
+  for (const Submap::Group& group : above.groups()) {
+    CellRect rect = RectUnder(BoxOf(above, group), R, t, cell_size_m);
+    // Of cells with their middle under the group; its points may lie in the next ones.
+    rect = {{rect.min.x - 1, rect.min.y - 1}, {rect.max.x + 1, rect.max.y + 1}};
+    if (!below.MayKnowAnyOf(rect)) continue;
+    near.push_back(&group);
+    num_left += group.num_cells();
+  }
+
+  std::vector<double> differences_m;
+  for (const Submap::Group* group : near) {
+    // No use going on when even all the others would not suffice.
+    if (differences_m.size() + num_left < wanted) return false;
+    num_left -= group->num_cells();
+    group->ForEachCell([&](CellIndex cell, std::size_t position) {
+      const Eigen::Vector3d p_K(CenterOf(cell.x, cell_size_m), CenterOf(cell.y, cell_size_m),
+                                above.elevation_m(position));
+      const Eigen::Vector3d p = R * p_K + t;
+      const double x = std::floor(p.x() / cell_size_m);
+      const double y = std::floor(p.y() / cell_size_m);
+      const CellRect& rect = below.rect();
+      if (!(x >= rect.min.x && x < rect.max.x && y >= rect.min.y && y < rect.max.y)) return;
+      const auto there = below.Find({static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)});
+      if (there) differences_m.push_back(std::abs(p.z() - below.elevation_m(*there)));
+    });
+  }
+  if (differences_m.empty() || differences_m.size() < wanted) return false;
+  const auto middle = differences_m.begin() + static_cast<std::ptrdiff_t>(differences_m.size() / 2);
+  std::nth_element(differences_m.begin(), middle, differences_m.end());
+  return *middle <= static_cast<double>(options.merge_height_difference_m_max);
+}
+
+std::shared_ptr<const Submap> Merge(const PlacedSubmap& older, const PlacedSubmap& newer,
+                                    const GlobalMapOptions& options) {
+  const Eigen::Matrix3d R = RotationBetween(older, newer);
+  const Eigen::Vector3d t = TranslationBetween(older, newer);
+  const Submap& from = *newer.submap;
+  const Submap& into = *older.submap;
+  const Gather gather(R, t, into.origin().cell_size_m, from.elevation_m_min(),
+                      from.elevation_m_max());
+  if (!gather.upright()) return nullptr;
+
+  std::vector<KeyedSubmapCell> cells = into.Cells();  // by position
+  for (const CellIndex group : GroupsUnder(from, R, t)) {
+    for (std::int32_t i = 0; i < kGroupCells * kGroupCells; ++i) {
+      const CellIndex cell{(group.x << kGroupBits) + (i & (kGroupCells - 1)),
+                           (group.y << kGroupBits) + (i >> kGroupBits)};
+      const std::optional<GatherHit> hit = gather.At(from, cell);
+      if (!hit) continue;
+      SubmapCell incoming = from.At(hit->position);
+      incoming.elevation_m = hit->elevation_m;
+      incoming.covariance_m2 = Rotate(R, incoming.covariance_m2);
+      if (const std::optional<std::size_t> stored = into.Find(cell)) {
+        cells[*stored].value = Join(cells[*stored].value, incoming, options);
+      } else {
+        cells.push_back({cell, incoming});
+      }
+    }
+  }
+  if (!Fits(cells)) return nullptr;
+
+  SubmapOrigin origin = into.origin();
+  const std::vector<std::string>& robots = from.origin().robots;
+  origin.robots.insert(origin.robots.end(), robots.begin(), robots.end());
+  std::sort(origin.robots.begin(), origin.robots.end());
+  origin.robots.erase(std::unique(origin.robots.begin(), origin.robots.end()), origin.robots.end());
+  return std::make_shared<const Submap>(std::move(origin), cells);
+}
+
+Maintenance Maintain(std::vector<std::shared_ptr<const PlacedSubmap>> submaps,
+                     const absl::flat_hash_set<SubmapId>& changed, const GlobalMapOptions& options,
+                     const CancelToken& cancel) {
+  if (changed.empty() || options.merge_overlap_min > 1) return {std::move(submaps), 0, false};
+  std::vector<std::shared_ptr<const PlacedSubmap>> order;
+  for (const auto& placed : submaps)
+    if (placed->finished && changed.contains(placed->id)) order.push_back(placed);
+  std::sort(order.begin(), order.end(),
+            [](const auto& a, const auto& b) { return Older(*a->submap, *b->submap); });
+
+  Neighbourhood neighbourhood(submaps);
+  Maintenance result;
+  for (const auto& placed : order) {
+    if (cancel.cancelled()) return {{}, 0, true};
+    // It may be gone by now, or have grown.
+    const std::shared_ptr<const PlacedSubmap> subject = neighbourhood.Shared(placed->id);
+    if (subject != nullptr && MergeOne(*subject, options, neighbourhood)) ++result.num_merged;
+  }
+  for (const auto& placed : submaps)
+    if (auto left = neighbourhood.Shared(placed->id)) result.submaps.push_back(std::move(left));
+  return result;
+}
+
+}  // namespace gem

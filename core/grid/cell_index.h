@@ -1,0 +1,93 @@
+// Every conversion between metres, cells and tiles. A cell is not a tile, so they are two types.
+// Cell (ix, iy) covers [ix * r, (ix + 1) * r) x [iy * r, (iy + 1) * r) of its frame.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "core/base/host_device.h"
+
+namespace gem {
+
+struct CellIndex {
+  std::int32_t x = 0;
+  std::int32_t y = 0;
+  friend constexpr bool operator==(const CellIndex&, const CellIndex&) = default;
+  friend constexpr auto operator<=>(const CellIndex&, const CellIndex&) = default;
+};
+
+struct TileIndex {
+  std::int32_t x = 0;
+  std::int32_t y = 0;
+  friend constexpr bool operator==(const TileIndex&, const TileIndex&) = default;
+  friend constexpr auto operator<=>(const TileIndex&, const TileIndex&) = default;
+  template <typename H>
+  friend H AbslHashValue(H h, const TileIndex& t) {
+    return H::combine(std::move(h), t.x, t.y);
+  }
+};
+
+/// log2 of the cells a side of a tile.
+inline constexpr int kTileBits = 7;
+inline constexpr std::int32_t kTileCells = 1 << kTileBits;
+
+/// Poses farther out than this are refused, so that every cell index fits 32 bits at the smallest
+/// cell size.
+inline constexpr double kCoordinateMax_m = 1e6;
+inline constexpr float kCellSizeMin_m = 0.01f;
+inline constexpr float kCellSizeMax_m = 10.0f;
+
+/// Cell that covers the coordinate; rounds down, also below zero. |coordinate_m| <= 2 *
+/// kCoordinateMax_m.
+inline std::int32_t CellOf(double coordinate_m, double cell_size_m) {
+  return static_cast<std::int32_t>(std::floor(coordinate_m / cell_size_m));
+}
+inline CellIndex CellAt(double x_m, double y_m, double cell_size_m) {
+  return {CellOf(x_m, cell_size_m), CellOf(y_m, cell_size_m)};
+}
+/// Coordinate of the middle of a cell along one axis, metres.
+inline double CenterOf(std::int32_t cell, double cell_size_m) { return (cell + 0.5) * cell_size_m; }
+
+// Shifting, not dividing: cell -1 belongs to tile -1, and -1 / 128 would say tile 0.
+GEM_HOST_DEVICE constexpr TileIndex TileOf(CellIndex cell) {
+  return {cell.x >> kTileBits, cell.y >> kTileBits};
+}
+/// Lower left cell of a tile.
+GEM_HOST_DEVICE constexpr CellIndex OriginOf(TileIndex tile) {
+  return {tile.x * kTileCells, tile.y * kTileCells};
+}
+/// Position of a cell in its tile: row * columns + column from the lower left.
+GEM_HOST_DEVICE constexpr std::int32_t IndexInTile(CellIndex cell) {
+  return (cell.y & (kTileCells - 1)) * kTileCells + (cell.x & (kTileCells - 1));
+}
+static_assert(TileOf({-1, 128}) == TileIndex{-1, 1});
+static_assert(OriginOf(TileOf({-1, 128})) == CellIndex{-128, 128});
+static_assert(IndexInTile({-1, 129}) == 1 * 128 + 127);
+
+/// Both indices in 64 bits, y above x: the key of hash grids. Order of keys is by row, then column.
+GEM_HOST_DEVICE constexpr std::uint64_t PackedKey(CellIndex cell) {
+  constexpr std::uint32_t kSignBit = 0x80000000u;
+  return (static_cast<std::uint64_t>(static_cast<std::uint32_t>(cell.y) ^ kSignBit) << 32) |
+         (static_cast<std::uint32_t>(cell.x) ^ kSignBit);
+}
+static_assert(PackedKey({5, -1}) < PackedKey({-5, 0}));
+
+/// a modulo b with the sign of b. b > 0.
+GEM_HOST_DEVICE constexpr std::int32_t FloorMod(std::int32_t a, std::int32_t b) {
+  const std::int32_t remainder = a % b;
+  return remainder < 0 ? remainder + b : remainder;
+}
+static_assert(FloorMod(-1, 40) == 39);
+
+/// Half-open rectangle of cells [min, max).
+struct CellRect {
+  CellIndex min;
+  CellIndex max;
+  constexpr bool empty() const { return min.x >= max.x || min.y >= max.y; }
+  constexpr bool Contains(CellIndex c) const {
+    return c.x >= min.x && c.x < max.x && c.y >= min.y && c.y < max.y;
+  }
+  friend constexpr bool operator==(const CellRect&, const CellRect&) = default;
+};
+
+}  // namespace gem

@@ -1,0 +1,179 @@
+// Fusing, GEM eqs. (5)-(6): what the points of one scan over one cell do to the belief of the cell.
+// Pure functions that every backend shares. The result depends on the order of the points only.
+#pragma once
+
+#include <cstdint>
+
+#include "core/base/host_device.h"
+#include "core/grid/cell_belief.h"
+#include "core/local/local_map_options.h"
+
+namespace gem {
+
+/// A height over a cell, in O.
+struct Height {
+  float elevation_m = 0;
+  float variance_m2 = 0;
+};
+
+/// A point of the scan over a cell.
+struct Hit {
+  Height height;
+  Rgba rgba = 0;
+};
+
+/// The fusing part of the options, as the backends pass it around.
+struct FuseLimits {
+  float gate2;  ///< gate of eq. (5), squared
+  float variance_m2_min, variance_m2_max;
+  float below_gate_inflation;
+};
+inline FuseLimits FuseLimitsOf(const LocalMapOptions& options) {
+  return {options.gate_sigmas * options.gate_sigmas, options.variance_m2_min,
+          options.variance_m2_max, options.below_gate_inflation};
+}
+
+/// A cell while points are fused. Colour stays in floats until the scan's last point: rounding
+/// after each point would swallow small gains.
+struct CellFusion {
+  Height height;
+  float red = 0, green = 0, blue = 0;
+  bool known = false;
+  bool colored = false;
+};
+
+GEM_HOST_DEVICE inline bool HasColor(Rgba rgba) { return (rgba >> 24) != 0; }
+
+/// Eq. (5) with the variance of the point as well: a noisy point is not an outlier. Compared in
+/// squares. The cell counts as no surer than the floor, also in the middle of a scan.
+GEM_HOST_DEVICE inline bool PassesGate(Height cell, Height z, const FuseLimits& limits) {
+  const float difference_m = z.elevation_m - cell.elevation_m;
+  const float cell_m2 =
+      cell.variance_m2 < limits.variance_m2_min ? limits.variance_m2_min : cell.variance_m2;
+  return difference_m * difference_m <= limits.gate2 * (cell_m2 + z.variance_m2);
+}
+
+/// Share of a measurement in the fused belief, from eq. (6). Two values that are both perfectly
+/// sure count alike.
+GEM_HOST_DEVICE inline float GainOf(Height cell, Height z) {
+  const float sum_m2 = cell.variance_m2 + z.variance_m2;
+  return sum_m2 > 0.0f ? cell.variance_m2 / sum_m2 : 0.5f;
+}
+
+/// Eq. (6): (v_z e_g + v_g e) / (v_g + v_z) and v_g v_z / (v_g + v_z), written with the gain, so
+/// that elevations far from zero keep their precision.
+GEM_HOST_DEVICE inline Height FuseHeight(Height cell, Height z) {
+  const float gain = GainOf(cell, z);
+  return {cell.elevation_m + gain * (z.elevation_m - cell.elevation_m), gain * z.variance_m2};
+}
+
+/// The belief that one point alone gives.
+GEM_HOST_DEVICE inline CellFusion BeginCell(const Hit& hit) {
+  CellFusion cell;
+  cell.height = hit.height;
+  cell.known = true;
+  cell.colored = HasColor(hit.rgba);
+  if (cell.colored) {
+    cell.red = static_cast<float>(hit.rgba & 255u);
+    cell.green = static_cast<float>((hit.rgba >> 8) & 255u);
+    cell.blue = static_cast<float>((hit.rgba >> 16) & 255u);
+  }
+  return cell;
+}
+
+/// Fuses a point that passed the gate into a known cell: height by eq. (6), colour by the same
+/// gain.
+GEM_HOST_DEVICE inline CellFusion FuseHit(CellFusion cell, const Hit& hit) {
+  if (HasColor(hit.rgba)) {
+    const CellFusion alone = BeginCell(hit);
+    // The first colour of a cell has nothing to be averaged with.
+    const float gain = cell.colored ? GainOf(cell.height, hit.height) : 1.0f;
+    cell.red += gain * (alone.red - cell.red);
+    cell.green += gain * (alone.green - cell.green);
+    cell.blue += gain * (alone.blue - cell.blue);
+    cell.colored = true;
+  }
+  cell.height = FuseHeight(cell.height, hit.height);
+  return cell;
+}
+
+GEM_HOST_DEVICE inline Rgba PackColor(const CellFusion& cell) {
+  if (!cell.colored) return 0;
+  // Averages of bytes stay within 0..255, so adding a half rounds and never overflows.
+  return static_cast<Rgba>(cell.red + 0.5f) | (static_cast<Rgba>(cell.green + 0.5f) << 8) |
+         (static_cast<Rgba>(cell.blue + 0.5f) << 16) | 0xff000000u;
+}
+GEM_HOST_DEVICE inline CellFusion UnpackCell(Height height, Rgba rgba) {
+  return BeginCell(Hit{height, rgba});
+}
+
+GEM_HOST_DEVICE inline float ClampVariance(float variance_m2, const FuseLimits& limits) {
+  if (variance_m2 < limits.variance_m2_min) return limits.variance_m2_min;
+  return variance_m2 > limits.variance_m2_max ? limits.variance_m2_max : variance_m2;
+}
+
+/// Variance of a cell that was not observed for a while. growth_m2 = rate * time.
+GEM_HOST_DEVICE inline float GrowVariance(float variance_m2, float growth_m2,
+                                          const FuseLimits& limits) {
+  const float grown_m2 = variance_m2 + growth_m2;
+  return grown_m2 > limits.variance_m2_max ? limits.variance_m2_max : grown_m2;
+}
+
+/// Growth of every cell's variance from one scan to the next, m^2.
+inline float GrowthOver(std::int64_t from_ns, std::int64_t to_ns, const LocalMapOptions& options) {
+  // In double: the difference of two stamps of unknown origin may not fit an int64.
+  const double seconds = (static_cast<double>(to_ns) - static_cast<double>(from_ns)) * 1e-9;
+  return static_cast<float>(options.variance_growth_m2_per_s * (seconds > 0 ? seconds : 0));
+}
+
+/// What one scan did to one cell.
+struct FuseOutcome {
+  std::uint32_t fused = 0;  ///< points that passed the gate, or began or restarted the cell
+  std::uint32_t gated = 0;  ///< the others
+  bool restarted = false;   ///< the highest point was above the gate
+  bool inflated = false;    ///< traversable, and the highest point was below the gate
+};
+
+/// Fuses one scan's points over one cell, in their order. The highest (the first of equals) is
+/// tested first: above the gate, the cell restarts from it, as an unknown cell begins from it;
+/// below the gate, a traversable cell was not seen where it is believed and becomes less sure. Then
+/// every other point that passes is fused. The floor is applied once, after the last point: within
+/// a scan points are averaged by eq. (6) as it stands.
+GEM_HOST_DEVICE inline FuseOutcome FuseCell(CellFusion& cell, const Hit* hits, std::uint32_t count,
+                                            bool traversable, const FuseLimits& limits) {
+  FuseOutcome outcome;
+  std::uint32_t highest = 0;
+  for (std::uint32_t i = 1; i < count; ++i) {
+    if (hits[i].height.elevation_m > hits[highest].height.elevation_m) highest = i;
+  }
+  std::uint32_t begun_from = count;
+  if (!cell.known) {
+    begun_from = highest;
+  } else if (!PassesGate(cell.height, hits[highest].height, limits)) {
+    if (hits[highest].height.elevation_m > cell.height.elevation_m) {
+      begun_from = highest;
+      outcome.restarted = true;
+    } else {
+      outcome.inflated = traversable;
+    }
+  }
+  if (begun_from != count) {
+    cell = BeginCell(hits[begun_from]);
+    outcome.fused = 1;
+  }
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (i == begun_from) continue;  // it is in the cell already
+    if (PassesGate(cell.height, hits[i].height, limits)) {
+      cell = FuseHit(cell, hits[i]);
+      ++outcome.fused;
+    } else {
+      ++outcome.gated;
+    }
+  }
+  const float inflation = outcome.inflated ? limits.below_gate_inflation : 1.0f;
+  cell.height.variance_m2 =
+      ClampVariance(ClampVariance(cell.height.variance_m2, limits) * inflation, limits);
+  return outcome;
+}
+
+}  // namespace gem

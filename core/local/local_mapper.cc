@@ -1,0 +1,35 @@
+#include "core/local/local_mapper.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/local/cpu_mapper.h"
+#include "core/local/reference_mapper.h"
+
+namespace gem {
+
+absl::StatusOr<std::unique_ptr<LocalMapper>> MakeLocalMapper(LocalBackend backend,
+                                                             const LocalMapOptions& options) {
+  GEM_RETURN_IF_ERROR(Validate(options));
+  switch (backend) {
+    case LocalBackend::kReference:
+      return MakeReferenceMapper(options);
+    case LocalBackend::kCpu:
+      return MakeCpuMapper(options);
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("local backend is ", static_cast<int>(backend), ", want one that exists"));
+}
+
+absl::StatusOr<LocalBackend> ParseLocalBackend(absl::string_view name) {
+  for (const LocalBackend backend : {LocalBackend::kReference, LocalBackend::kCpu}) {
+    if (name == NameOf(backend)) return backend;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("local backend is \"", name, "\", want reference or cpu"));
+}
+
+absl::string_view NameOf(LocalBackend backend) {
+  return backend == LocalBackend::kReference ? "reference" : "cpu";
+}
+
+}  // namespace gem

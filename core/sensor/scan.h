@@ -1,0 +1,37 @@
+// One sweep of one sensor, as the local mapper takes it: decoded and validated, but untransformed.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+
+#include "core/geometry/pose.h"
+#include "core/grid/cell_belief.h"
+#include "core/sensor/noise_model.h"
+
+namespace gem {
+
+/// A measured point in S, metres; finite. 16 bytes, so that four floats load at once.
+struct ScanPoint {
+  float x_m = 0;
+  float y_m = 0;
+  float z_m = 0;
+  Rgba rgba = 0;
+};
+
+/// A scan whose points somebody else holds.
+struct Scan {
+  std::uint64_t seq = 0;
+  std::int64_t stamp_ns = 0;
+  Pose<Odom, Base> T_O_B;
+  Pose<Base, Sensor> T_B_S;
+  /// Covariance of the rotation vector of T_O_B, in B, rad^2 (Sigma_phi of eq. (4)). Symmetric,
+  /// positive semidefinite.
+  Eigen::Matrix3d rotation_covariance_rad2 = Eigen::Matrix3d::Zero();
+  /// Covariance of the translation of T_O_B, in O, m^2 (eq. (11)).
+  Eigen::Matrix3d translation_covariance_m2 = Eigen::Matrix3d::Zero();
+  NoiseModel noise;
+  std::span<const ScanPoint> points;
+};
+
+}  // namespace gem

@@ -1,0 +1,255 @@
+#include "proto/wire/map.h"
+
+#include <cstdlib>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "gem/v1/map_service.pb.h"
+#include "gem/v1/tile_service.pb.h"
+#include "gem/v1/types.pb.h"
+#include "proto/wire/pose.h"
+#include "proto/wire/refusal.h"
+#include "proto/wire/scalar.h"
+
+namespace gem::wire {
+namespace {
+
+constexpr std::int32_t kTileIndexMax = 1 << 23;
+constexpr std::int32_t kLocalOriginMax = 1 << 30;
+
+std::uint8_t StateBitOf(Layer layer) {
+  switch (layer) {
+    case Layer::kTraversability:
+    case Layer::kSlope:
+    case Layer::kRoughness:
+      return kCellAnnotated;
+    case Layer::kColor:
+      return kCellColored;
+    case Layer::kElevation:
+    case Layer::kVariance:
+    case Layer::kAge:
+      break;
+  }
+  return kCellKnown;
+}
+
+float AgeSeconds(std::int64_t newest_ns, std::int64_t observed_ns) {
+  return static_cast<float>(static_cast<double>(newest_ns - observed_ns) * 1e-9);
+}
+
+/// Fills a layer from value(i) and state(i).
+template <typename State, typename Value>
+GridLayer MakeLayer(Layer layer, std::size_t num_cells, State state, Value value) {
+  GridLayer result{layer, std::vector<std::uint8_t>(num_cells), {}, {}};
+  const std::uint8_t bit = StateBitOf(layer);
+  result.values.resize(num_cells);
+  for (std::size_t i = 0; i < num_cells; ++i) {
+    if ((state(i) & bit) == 0) continue;
+    result.valid[i] = 1;
+    result.values[i] = value(i);
+  }
+  return result;
+}
+
+template <typename State, typename Color>
+GridLayer MakeColorLayer(std::size_t num_cells, State state, Color color) {
+  GridLayer result{Layer::kColor, std::vector<std::uint8_t>(num_cells), {}, {}};
+  result.colors.resize(num_cells);
+  for (std::size_t i = 0; i < num_cells; ++i) {
+    if ((state(i) & kCellColored) == 0) continue;
+    result.valid[i] = 1;
+    result.colors[i] = color(i);
+  }
+  return result;
+}
+
+}  // namespace
+
+const std::vector<Layer>& TileLayers() {
+  static const std::vector<Layer> layers = {Layer::kElevation, Layer::kVariance,
+                                            Layer::kTraversability, Layer::kColor, Layer::kAge};
+  return layers;
+}
+
+const std::vector<Layer>& LocalMapLayers() {
+  static const std::vector<Layer> layers = {
+      Layer::kElevation, Layer::kVariance, Layer::kTraversability, Layer::kSlope, Layer::kRoughness,
+      Layer::kColor,     Layer::kAge};
+  return layers;
+}
+
+void ToProto(const MapVersion& version, v1::MapVersion* proto) {
+  proto->set_epoch(version.epoch);
+  proto->set_revision(version.revision);
+}
+
+MapVersion FromProto(const v1::MapVersion& proto) { return {proto.epoch(), proto.revision()}; }
+
+void ToProto(TileIndex tile, v1::TileKey* proto) {
+  proto->set_x(tile.x);
+  proto->set_y(tile.y);
+}
+
+absl::StatusOr<TileIndex> FromProto(const v1::TileKey& proto, const FieldPath& field) {
+  if (proto.level() != 0) return Refuse(field.Child("level"), absl::StrCat(proto.level()), "0");
+  if (proto.x() < -kTileIndexMax || proto.x() > kTileIndexMax)
+    return Refuse(field.Child("x"), absl::StrCat(proto.x()),
+                  absl::StrCat("at most ", kTileIndexMax, " in magnitude"));
+  if (proto.y() < -kTileIndexMax || proto.y() > kTileIndexMax)
+    return Refuse(field.Child("y"), absl::StrCat(proto.y()),
+                  absl::StrCat("at most ", kTileIndexMax, " in magnitude"));
+  return TileIndex{proto.x(), proto.y()};
+}
+
+LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
+                   std::span<const Layer> layers) {
+  LayeredGrid grid{kTileCells, kTileCells, static_cast<double>(cell_size_m), {}};
+  const std::vector<CellBelief>& cells = tile.cells;
+  const auto state = [&](std::size_t i) { return cells[i].state; };
+  const auto add = [&](Layer layer, auto value) {
+    grid.layers.push_back(MakeLayer(layer, cells.size(), state, value));
+  };
+  for (const Layer layer : layers) {
+    switch (layer) {
+      case Layer::kElevation:
+        add(layer, [&](std::size_t i) { return cells[i].elevation_m; });
+        break;
+      case Layer::kVariance:
+        add(layer, [&](std::size_t i) { return cells[i].variance_m2; });
+        break;
+      case Layer::kTraversability:
+        add(layer, [&](std::size_t i) { return cells[i].traversability; });
+        break;
+      case Layer::kAge:
+        add(layer, [&](std::size_t i) { return AgeSeconds(newest_stamp_ns, cells[i].stamp_ns); });
+        break;
+      case Layer::kColor:
+        grid.layers.push_back(
+            MakeColorLayer(cells.size(), state, [&](std::size_t i) { return cells[i].rgba; }));
+        break;
+      case Layer::kSlope:
+      case Layer::kRoughness:
+        break;  // refused before: tiles have none
+    }
+  }
+  return grid;
+}
+
+LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers) {
+  LayeredGrid grid{map.side_cells, map.side_cells, static_cast<double>(map.cell_size_m), {}};
+  const auto state = [&](std::size_t i) { return map.state[i]; };
+  const auto add = [&](Layer layer, const std::vector<float>& values) {
+    grid.layers.push_back(
+        MakeLayer(layer, map.num_cells(), state, [&](std::size_t i) { return values[i]; }));
+  };
+  for (const Layer layer : layers) {
+    switch (layer) {
+      case Layer::kElevation:
+        add(layer, map.elevation_m);
+        break;
+      case Layer::kVariance:
+        add(layer, map.variance_m2);
+        break;
+      case Layer::kTraversability:
+        add(layer, map.traversability);
+        break;
+      case Layer::kSlope:
+        add(layer, map.slope_rad);
+        break;
+      case Layer::kRoughness:
+        add(layer, map.roughness_m);
+        break;
+      case Layer::kAge:
+        grid.layers.push_back(MakeLayer(layer, map.num_cells(), state, [&](std::size_t i) {
+          return AgeSeconds(map.stamp_ns, map.observed_ns[i]);
+        }));
+        break;
+      case Layer::kColor:
+        grid.layers.push_back(
+            MakeColorLayer(map.num_cells(), state, [&](std::size_t i) { return map.rgba[i]; }));
+        break;
+    }
+  }
+  return grid;
+}
+
+void ToProto(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
+             std::span<const Layer> layers, CellEncoding encoding, v1::Tile* proto) {
+  ToProto(tile.index, proto->mutable_key());
+  ToProto(tile.version, proto->mutable_version());
+  ToProto(GridOf(tile, cell_size_m, newest_stamp_ns, layers), encoding, proto->mutable_grid());
+}
+
+absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field) {
+  DecodedTile tile;
+  GEM_ASSIGN_OR_RETURN(tile.index, FromProto(proto.key(), field.Child("key")));
+  tile.version = FromProto(proto.version());
+  switch (proto.content_case()) {
+    case v1::Tile::kGrid: {
+      GEM_ASSIGN_OR_RETURN(tile.grid, FromProto(proto.grid(), kTileCells, field.Child("grid")));
+      if (tile.grid->columns != kTileCells || tile.grid->rows != kTileCells)
+        return Refuse(field.Child("grid"),
+                      absl::StrCat(tile.grid->columns, " x ", tile.grid->rows, " cells"),
+                      absl::StrCat(kTileCells, " x ", kTileCells));
+      break;
+    }
+    case v1::Tile::kAbsent:
+      if (!proto.absent()) return Refuse(field.Child("absent"), "false", "true or unset");
+      break;
+    case v1::Tile::CONTENT_NOT_SET:
+      return Refuse(field.Child("content"), "unset", "a grid or absent");
+  }
+  return tile;
+}
+
+void ToProto(const LocalMap& map, const LocalMapContext& context, std::span<const Layer> layers,
+             CellEncoding encoding, v1::LocalMap* proto) {
+  proto->set_stamp_ns(map.stamp_ns);
+  proto->set_seq(map.seq);
+  proto->set_origin_cell_x(map.origin.x);
+  proto->set_origin_cell_y(map.origin.y);
+  ToProto(GridOf(map, layers), encoding, proto->mutable_grid());
+  ToProto(map.T_O_B, proto->mutable_odom_from_base());
+  ToProto(context.T_G_O, proto->mutable_map_from_odom());
+  proto->set_session(context.session);
+  proto->set_traversability_free(map.traversability_free);
+}
+
+absl::StatusOr<DecodedLocalMap> FromProto(const v1::LocalMap& proto, const FieldPath& field) {
+  DecodedLocalMap map;
+  GEM_RETURN_IF_ERROR(CheckStamp(proto.stamp_ns(), field.Child("stamp_ns")));
+  map.stamp_ns = proto.stamp_ns();
+  map.seq = proto.seq();
+  // Origin plus columns must not overflow.
+  if (std::abs(std::int64_t{proto.origin_cell_x()}) > kLocalOriginMax)
+    return Refuse(field.Child("origin_cell_x"), absl::StrCat(proto.origin_cell_x()),
+                  absl::StrCat("at most ", kLocalOriginMax, " in magnitude"));
+  if (std::abs(std::int64_t{proto.origin_cell_y()}) > kLocalOriginMax)
+    return Refuse(field.Child("origin_cell_y"), absl::StrCat(proto.origin_cell_y()),
+                  absl::StrCat("at most ", kLocalOriginMax, " in magnitude"));
+  map.origin = {proto.origin_cell_x(), proto.origin_cell_y()};
+  GEM_ASSIGN_OR_RETURN(map.grid, FromProto(proto.grid(), kGridCells_max, field.Child("grid")));
+  auto T_O_B = FromProto<Odom, Base>(proto.odom_from_base(), field.Child("odom_from_base"));
+  if (!T_O_B.ok()) return T_O_B.status();
+  map.T_O_B = *T_O_B;
+  auto T_G_O = FromProto<Global, Odom>(proto.map_from_odom(), field.Child("map_from_odom"));
+  if (!T_G_O.ok()) return T_G_O.status();
+  map.T_G_O = *T_G_O;
+  map.session = proto.session();
+  map.traversability_free = proto.traversability_free();
+  return map;
+}
+
+void ToProto(const SubmapInfo& submap, v1::Submap* proto) {
+  proto->set_id(static_cast<std::uint64_t>(submap.origin.id));
+  proto->set_session(submap.origin.session);
+  for (const std::string& robot : submap.origin.robots) proto->add_robots(robot);
+  ToProto(submap.T_G_K, proto->mutable_map_from_submap());
+  proto->set_anchor_stamp_ns(submap.origin.anchor_stamp_ns);
+  proto->set_num_points(submap.num_cells);
+  proto->set_first_stamp_ns(submap.first_stamp_ns);
+  proto->set_last_stamp_ns(submap.last_stamp_ns);
+  proto->set_finished(submap.finished);
+}
+
+}  // namespace gem::wire

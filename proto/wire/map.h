@@ -1,0 +1,78 @@
+// What readers get: tiles, local maps, versions, submaps <-> gem.v1.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/global/map_snapshot.h"
+#include "core/grid/layered_grid.h"
+#include "core/local/local_map.h"
+#include "proto/wire/field_path.h"
+#include "proto/wire/grid.h"
+
+namespace gem::v1 {
+class LocalMap;
+class MapVersion;
+class Submap;
+class Tile;
+class TileKey;
+}  // namespace gem::v1
+
+namespace gem::wire {
+
+/// Layers that tiles have: no slope and no roughness.
+const std::vector<Layer>& TileLayers();
+/// Layers that local maps have: all.
+const std::vector<Layer>& LocalMapLayers();
+
+void ToProto(const MapVersion& version, v1::MapVersion* proto);
+MapVersion FromProto(const v1::MapVersion& proto);
+
+void ToProto(TileIndex tile, v1::TileKey* proto);
+/// Level 0 only, and |x|, |y| at most 2^23, so that the cell indices fit 32 bits.
+absl::StatusOr<TileIndex> FromProto(const v1::TileKey& proto, const FieldPath& field);
+
+/// The cells of a tile by layers. Ages count back from newest_stamp_ns.
+LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
+                   std::span<const Layer> layers);
+/// The cells of a local map by layers. Ages count back from the map's stamp.
+LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers);
+
+void ToProto(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
+             std::span<const Layer> layers, CellEncoding encoding, v1::Tile* proto);
+
+/// A tile as a client sees it. No grid: absent.
+struct DecodedTile {
+  TileIndex index;
+  MapVersion version;
+  std::optional<LayeredGrid> grid;
+};
+absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field);
+
+/// What a local map comes with.
+struct LocalMapContext {
+  Pose<Global, Odom> T_G_O;  ///< at the map's stamp
+  std::string session;
+};
+void ToProto(const LocalMap& map, const LocalMapContext& context, std::span<const Layer> layers,
+             CellEncoding encoding, v1::LocalMap* proto);
+
+/// A local map as a client sees it.
+struct DecodedLocalMap {
+  std::int64_t stamp_ns = 0;
+  std::uint64_t seq = 0;
+  CellIndex origin;  ///< cell of O at column 0, row 0
+  LayeredGrid grid;
+  Pose<Odom, Base> T_O_B;
+  Pose<Global, Odom> T_G_O;
+  std::string session;
+  float traversability_free = 0;
+};
+absl::StatusOr<DecodedLocalMap> FromProto(const v1::LocalMap& proto, const FieldPath& field);
+
+void ToProto(const SubmapInfo& submap, v1::Submap* proto);
+
+}  // namespace gem::wire

@@ -1,0 +1,330 @@
+#include "proto/wire/scan.h"
+
+#include <Eigen/Eigenvalues>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/grid/cell_index.h"
+#include "gem/v1/types.pb.h"
+#include "proto/wire/pose.h"
+#include "proto/wire/refusal.h"
+#include "proto/wire/scalar.h"
+
+namespace gem::wire {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "points are copied as they lie");
+
+constexpr std::uint32_t kStrideMin = 6;
+constexpr std::uint32_t kStrideMax = 256;
+constexpr int kFieldsMin = 3;
+constexpr int kFieldsMax = 16;
+constexpr int kCovarianceValues = 21;
+constexpr float kCovarianceMax = 1e6f;
+constexpr double kScaleMax_m = 1e3;
+
+/// Where one value lies within a point.
+struct Column {
+  bool present = false;
+  bool int16 = false;
+  std::uint32_t offset = 0;
+  float scale = 1;
+};
+
+struct Layout {
+  std::uint32_t stride = 0;
+  std::array<Column, 3> xyz;
+  Column rgba;
+};
+
+constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
+
+std::uint32_t WidthOf(v1::PointField::Type type) {
+  switch (type) {
+    case v1::PointField::TYPE_UINT8:
+      return 1;
+    case v1::PointField::TYPE_UINT16:
+    case v1::PointField::TYPE_INT16:
+      return 2;
+    case v1::PointField::TYPE_UINT32:
+    case v1::PointField::TYPE_FLOAT32:
+      return 4;
+    default:
+      return 0;
+  }
+}
+
+std::string TypeName(v1::PointField::Type type) {
+  const std::string& name = v1::PointField::Type_Name(type);
+  return name.empty() ? absl::StrCat(static_cast<int>(type)) : name;
+}
+
+absl::Status CheckScale(const v1::PointField& proto, const FieldPath& field) {
+  const double scale = proto.scale();
+  if (proto.type() == v1::PointField::TYPE_INT16) {
+    if (scale == 0 || (std::isfinite(scale) && scale > 0 && scale <= kScaleMax_m))
+      return absl::OkStatus();
+    return Refuse(field, scale, absl::StrCat("0 (means 1) to ", kScaleMax_m));
+  }
+  if (scale == 0) return absl::OkStatus();
+  return Refuse(field, scale, absl::StrCat("0 for ", TypeName(proto.type())));
+}
+
+absl::Status AddColumn(const v1::PointField& proto, const FieldPath& field, Layout& layout) {
+  const std::uint32_t width = WidthOf(proto.type());
+  if (width == 0) return Refuse(field.Child("type"), TypeName(proto.type()), "a known type");
+  // In 64 bits: an offset near 2^32 must not wrap round to a small sum.
+  if (std::uint64_t{proto.offset()} + width > layout.stride)
+    return Refuse(field.Child("offset"), absl::StrCat(proto.offset()),
+                  absl::StrCat("at most point_stride - width = ", layout.stride, " - ", width));
+  GEM_RETURN_IF_ERROR(CheckScale(proto, field.Child("scale")));
+
+  Column* column = nullptr;
+  for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis)
+    if (proto.name() == kAxisNames[axis]) column = &layout.xyz[axis];
+  const bool is_color = proto.name() == "rgba";
+  if (is_color) column = &layout.rgba;
+  if (column == nullptr) return absl::OkStatus();
+
+  if (column->present)
+    return Refuse(field.Child("name"), absl::StrCat("\"", proto.name(), "\" for the second time"),
+                  "each name once");
+  const bool int16 = proto.type() == v1::PointField::TYPE_INT16;
+  if (is_color && proto.type() != v1::PointField::TYPE_UINT32)
+    return Refuse(field.Child("type"), TypeName(proto.type()), "TYPE_UINT32 for rgba");
+  if (!is_color && !int16 && proto.type() != v1::PointField::TYPE_FLOAT32)
+    return Refuse(field.Child("type"), TypeName(proto.type()),
+                  absl::StrCat("TYPE_FLOAT32 or TYPE_INT16 for ", proto.name()));
+  const float scale = proto.scale() == 0 ? 1.0f : static_cast<float>(proto.scale());
+  *column = {.present = true, .int16 = int16, .offset = proto.offset(), .scale = scale};
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Layout> LayoutFromProto(const v1::Scan& proto, const FieldPath& field) {
+  Layout layout{.stride = proto.point_stride(), .xyz = {}, .rgba = {}};
+  if (layout.stride < kStrideMin || layout.stride > kStrideMax)
+    return Refuse(field.Child("point_stride"), absl::StrCat(layout.stride),
+                  absl::StrCat(kStrideMin, " to ", kStrideMax));
+  const FieldPath fields = field.Child("fields");
+  if (proto.fields_size() < kFieldsMin || proto.fields_size() > kFieldsMax)
+    return Refuse(fields, absl::StrCat(proto.fields_size(), " fields"),
+                  absl::StrCat(kFieldsMin, " to ", kFieldsMax));
+  for (int i = 0; i < proto.fields_size(); ++i)
+    GEM_RETURN_IF_ERROR(AddColumn(proto.fields(i), fields.At(static_cast<std::size_t>(i)), layout));
+  for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis)
+    if (!layout.xyz[axis].present)
+      return Refuse(fields, absl::StrCat("without \"", kAxisNames[axis], "\""),
+                    "x, y and z once each");
+  return layout;
+}
+
+/// All that can be known of the size without touching the points.
+absl::Status CheckSize(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field) {
+  const std::uint64_t bytes = proto.points().size();
+  if (bytes > limits.scan_bytes_max)
+    return Refuse(field.Child("points"), absl::StrCat(bytes, " bytes"),
+                  absl::StrCat("at most ", limits.scan_bytes_max), ProblemReason::kTooLarge);
+  const FieldPath count = field.Child("point_count");
+  if (proto.point_count() > limits.points_max)
+    return Refuse(count, absl::StrCat(proto.point_count()),
+                  absl::StrCat("at most ", limits.points_max), ProblemReason::kTooLarge);
+  if (proto.point_count() == 0) return Refuse(count, "0", absl::StrCat("1 to ", limits.points_max));
+  const std::uint64_t wanted = std::uint64_t{proto.point_count()} * proto.point_stride();
+  if (bytes != wanted)
+    return Refuse(field.Child("points"), absl::StrCat(bytes, " bytes"),
+                  absl::StrCat("point_count * point_stride = ", proto.point_count(), " * ",
+                               proto.point_stride(), " = ", wanted));
+  return absl::OkStatus();
+}
+
+template <typename T>
+T Load(const char* at) {
+  T value;
+  std::memcpy(&value, at, sizeof(T));
+  return value;
+}
+
+float LoadAxis(const char* point, const Column& column) {
+  if (column.int16)
+    return static_cast<float>(Load<std::int16_t>(point + column.offset)) * column.scale;
+  return Load<float>(point + column.offset);
+}
+
+bool InRange(float value_m) { return std::abs(value_m) <= static_cast<float>(kCoordinateMax_m); }
+
+absl::Status RefusePoint(const ScanPoint& point, std::size_t index, const FieldPath& field) {
+  const FieldPath points = field.Child("points");
+  const FieldPath element = points.At(index);
+  const std::array<float, 3> xyz = {point.x_m, point.y_m, point.z_m};
+  for (std::size_t axis = 0; axis < xyz.size(); ++axis) {
+    if (!std::isfinite(xyz[axis]))
+      return Refuse(element.Child(kAxisNames[axis]), xyz[axis], "a finite number");
+    if (!InRange(xyz[axis]))
+      return Refuse(element.Child(kAxisNames[axis]), xyz[axis],
+                    absl::StrCat("at most ", kCoordinateMax_m, " in magnitude"));
+  }
+  return absl::InternalError("a point that is in range was refused");
+}
+
+absl::Status DecodePoints(const v1::Scan& proto, const Layout& layout, const FieldPath& field,
+                          std::vector<ScanPoint>& points) {
+  points.resize(proto.point_count());
+  const char* at = proto.points().data();
+  const auto& [x, y, z] = layout.xyz;
+  for (std::size_t i = 0; i < points.size(); ++i, at += layout.stride) {
+    ScanPoint& point = points[i];
+    point.x_m = LoadAxis(at, x);
+    point.y_m = LoadAxis(at, y);
+    point.z_m = LoadAxis(at, z);
+    point.rgba = layout.rgba.present ? Load<Rgba>(at + layout.rgba.offset) : 0;
+    if (!(InRange(point.x_m) && InRange(point.y_m) && InRange(point.z_m))) [[unlikely]]
+      return RefusePoint(point, i, field);
+    // Inside the mapper a colour is there (alpha 255) or not (0): half transparent means there.
+    point.rgba = (point.rgba >> 24) == 0 ? 0 : point.rgba | 0xff000000u;
+  }
+  return absl::OkStatus();
+}
+
+/// Position of (row, column) of the upper triangle of a 6x6 matrix by rows; row <= column.
+constexpr int TriangleIndex(int row, int column) {
+  return row * 6 - row * (row - 1) / 2 + column - row;
+}
+static_assert(TriangleIndex(5, 5) == kCovarianceValues - 1);
+
+absl::Status CheckPositiveSemidefinite(const Eigen::Matrix3d& covariance, const char* what,
+                                       const FieldPath& field) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance, Eigen::EigenvaluesOnly);
+  const double smallest = solver.eigenvalues().minCoeff();
+  // Floats of the wire may make an eigenvalue that is zero slightly negative.
+  if (smallest >= -1e-5 * covariance.trace()) return absl::OkStatus();
+  return Refuse(field, absl::StrCat("a matrix whose ", what, " part has the eigenvalue ", smallest),
+                "a positive semidefinite matrix");
+}
+
+absl::StatusOr<PoseCovariance> CovarianceFromProto(const v1::Scan& proto, const FieldPath& field) {
+  if (proto.pose_covariance_size() != kCovarianceValues)
+    return Refuse(field, absl::StrCat(proto.pose_covariance_size(), " values"),
+                  absl::StrCat(kCovarianceValues, " or none"));
+  for (int i = 0; i < kCovarianceValues; ++i) {
+    const FieldPath element = field.At(static_cast<std::size_t>(i));
+    const float value = proto.pose_covariance(i);
+    GEM_RETURN_IF_ERROR(CheckFinite(value, element));
+    if (std::abs(value) > kCovarianceMax)
+      return Refuse(element, value, absl::StrCat("at most ", kCovarianceMax, " in magnitude"));
+  }
+  for (int row = 0; row < 6; ++row) {
+    const int diagonal = TriangleIndex(row, row);
+    if (proto.pose_covariance(diagonal) < 0)
+      return Refuse(field.At(static_cast<std::size_t>(diagonal)), proto.pose_covariance(diagonal),
+                    "at least 0 on the diagonal");
+  }
+  PoseCovariance covariance;
+  for (int row = 0; row < 3; ++row)
+    for (int column = row; column < 3; ++column) {
+      const double translation = proto.pose_covariance(TriangleIndex(row, column));
+      const double rotation = proto.pose_covariance(TriangleIndex(row + 3, column + 3));
+      covariance.translation_m2(row, column) = covariance.translation_m2(column, row) = translation;
+      covariance.rotation_rad2(row, column) = covariance.rotation_rad2(column, row) = rotation;
+    }
+  GEM_RETURN_IF_ERROR(CheckPositiveSemidefinite(covariance.translation_m2, "translation", field));
+  GEM_RETURN_IF_ERROR(CheckPositiveSemidefinite(covariance.rotation_rad2, "rotation", field));
+  return covariance;
+}
+
+v1::PointField* AddField(const char* name, std::uint32_t offset, v1::PointField::Type type,
+                         v1::Scan* proto) {
+  v1::PointField* field = proto->add_fields();
+  field->set_name(name);
+  field->set_offset(offset);
+  field->set_type(type);
+  return field;
+}
+
+}  // namespace
+
+absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field,
+                       DecodedScan& scan) {
+  scan.seq = proto.seq();
+  scan.stamp_ns = proto.stamp_ns();
+  scan.T_O_B.reset();
+  scan.covariance.reset();
+  GEM_RETURN_IF_ERROR(CheckStamp(proto.stamp_ns(), field.Child("stamp_ns")));
+  GEM_RETURN_IF_ERROR(CheckId(proto.sensor(), field.Child("sensor")));
+  scan.sensor = proto.sensor();
+  if (proto.has_odom_from_base()) {
+    auto T_O_B = FromProto<Odom, Base>(proto.odom_from_base(), field.Child("odom_from_base"));
+    if (!T_O_B.ok()) return T_O_B.status();
+    scan.T_O_B = *T_O_B;
+  }
+  if (proto.pose_covariance_size() != 0) {
+    auto covariance = CovarianceFromProto(proto, field.Child("pose_covariance"));
+    if (!covariance.ok()) return covariance.status();
+    scan.covariance = *covariance;
+  }
+  GEM_ASSIGN_OR_RETURN(const Layout layout, LayoutFromProto(proto, field));
+  GEM_RETURN_IF_ERROR(CheckSize(proto, limits, field));
+  return DecodePoints(proto, layout, field, scan.points);
+}
+
+void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto) {
+  bool colored = false;
+  for (const ScanPoint& point : points) colored |= point.rgba != 0;
+  const std::uint32_t stride = colored ? 16 : 12;
+  proto->clear_fields();
+  for (std::uint32_t axis = 0; axis < 3; ++axis)
+    AddField(kAxisNames[axis], 4 * axis, v1::PointField::TYPE_FLOAT32, proto);
+  if (colored) AddField("rgba", 12, v1::PointField::TYPE_UINT32, proto);
+  proto->set_point_count(static_cast<std::uint32_t>(points.size()));
+  proto->set_point_stride(stride);
+  std::string& bytes = *proto->mutable_points();
+  bytes.resize(points.size() * stride);
+  char* to = bytes.data();
+  for (const ScanPoint& point : points) {
+    std::memcpy(to, &point, stride);
+    to += stride;
+  }
+}
+
+absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m,
+                                v1::Scan* proto) {
+  proto->clear_fields();
+  for (std::uint32_t axis = 0; axis < 3; ++axis)
+    AddField(kAxisNames[axis], 2 * axis, v1::PointField::TYPE_INT16, proto)->set_scale(scale_m);
+  proto->set_point_count(static_cast<std::uint32_t>(points.size()));
+  proto->set_point_stride(6);
+  std::string& bytes = *proto->mutable_points();
+  bytes.resize(points.size() * 6);
+  char* to = bytes.data();
+  const FieldPath root("points");
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const std::array<float, 3> xyz = {points[i].x_m, points[i].y_m, points[i].z_m};
+    for (std::size_t axis = 0; axis < 3; ++axis, to += 2) {
+      const double raw = std::nearbyint(static_cast<double>(xyz[axis]) / scale_m);
+      if (!(std::abs(raw) <= 32767))
+        return Refuse(root.At(i).Child(kAxisNames[axis]), xyz[axis],
+                      absl::StrCat("at most ", 32767 * scale_m, " in magnitude"));
+      const auto value = static_cast<std::int16_t>(raw);
+      std::memcpy(to, &value, sizeof(value));
+    }
+  }
+  return absl::OkStatus();
+}
+
+void CovarianceToProto(const PoseCovariance& covariance, v1::Scan* proto) {
+  proto->clear_pose_covariance();
+  for (int i = 0; i < kCovarianceValues; ++i) proto->add_pose_covariance(0);
+  for (int row = 0; row < 3; ++row)
+    for (int column = row; column < 3; ++column) {
+      proto->set_pose_covariance(TriangleIndex(row, column),
+                                 static_cast<float>(covariance.translation_m2(row, column)));
+      proto->set_pose_covariance(TriangleIndex(row + 3, column + 3),
+                                 static_cast<float>(covariance.rotation_rad2(row, column)));
+    }
+}
+
+}  // namespace gem::wire

@@ -1,0 +1,59 @@
+// gem.v1.Scan <-> points of the local mapper. Everything is validated before anything is allocated.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/geometry/pose.h"
+#include "core/sensor/scan.h"
+#include "proto/wire/field_path.h"
+
+namespace gem::v1 {
+class Scan;
+}  // namespace gem::v1
+
+namespace gem::wire {
+
+/// What one scan may hold.
+struct ScanLimits {
+  std::uint64_t scan_bytes_max = 16u << 20;
+  std::uint32_t points_max = 2'000'000;
+};
+
+/// Covariance of a pose, split as the mappers need it.
+struct PoseCovariance {
+  Eigen::Matrix3d translation_m2 = Eigen::Matrix3d::Zero();  ///< in O
+  Eigen::Matrix3d rotation_rad2 = Eigen::Matrix3d::Zero();   ///< of the rotation vector, in B
+};
+
+/// A scan as it came over the wire. The caller keeps one and reuses its buffer.
+struct DecodedScan {
+  std::uint64_t seq = 0;
+  std::int64_t stamp_ns = 0;
+  std::string sensor;
+  std::optional<Pose<Odom, Base>> T_O_B;
+  std::optional<PoseCovariance> covariance;
+  std::vector<ScanPoint> points;
+};
+
+/// Fills `scan` and reuses its buffer. On an error, which names the field and carries a
+/// ProblemReason, `scan` is unspecified. Points are finite and within 1e6 m.
+absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field,
+                       DecodedScan& scan);
+
+/// x, y, z as FLOAT32 and, if any point has a colour, rgba. Sets points, fields, count and stride
+/// only.
+void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto);
+/// x, y, z as INT16 of the given scale: half of the bytes. INVALID_ARGUMENT for a point that does
+/// not fit.
+absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto);
+
+/// 21 values of the upper triangle by rows; the cross terms of rotation and translation are zero.
+void CovarianceToProto(const PoseCovariance& covariance, v1::Scan* proto);
+
+}  // namespace gem::wire

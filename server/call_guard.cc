@@ -1,0 +1,51 @@
+#include "server/call_guard.h"
+
+#include <utility>
+
+#include "server/status_mapping.h"
+
+namespace gem {
+
+void GuardedCall::Complete(const absl::Status& status) {
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  metrics_.Observe(CodeName(status), seconds);
+  Finish(ToGrpc(status));
+}
+
+bool GuardedCall::abandoned() const {
+  return context_->IsCancelled() || context_->deadline() <= std::chrono::system_clock::now();
+}
+
+grpc::ServerUnaryReactor* CallGuard::Run(grpc::CallbackServerContext* context,
+                                         MethodMetrics& metrics,
+                                         const std::function<absl::Status()>& work) {
+  auto* call = new GuardedCall(context, metrics);
+  call->Complete(work());
+  return call;
+}
+
+grpc::ServerUnaryReactor* CallGuard::RunInPool(grpc::CallbackServerContext* context,
+                                               MethodMetrics& metrics,
+                                               std::function<absl::Status()> work) {
+  return RunAsync(context, metrics,
+                  [work = std::move(work)](GuardedCall* call) { call->Complete(work()); });
+}
+
+grpc::ServerUnaryReactor* CallGuard::RunAsync(grpc::CallbackServerContext* context,
+                                              MethodMetrics& metrics,
+                                              std::function<void(GuardedCall*)> work) {
+  auto* call = new GuardedCall(context, metrics);
+  const absl::Status queued = pool_.Submit([call, work = std::move(work)] {
+    // It may have waited longer than its caller.
+    if (call->abandoned()) {
+      call->Complete(absl::DeadlineExceededError("the deadline passed while the call waited"));
+    } else {
+      work(call);
+    }
+  });
+  if (!queued.ok()) call->Complete(queued);
+  return call;
+}
+
+}  // namespace gem

@@ -1,0 +1,258 @@
+#include "server/map_actor.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/check.h"
+#include "proto/wire/refusal.h"
+#include "server/retry.h"
+#include "spdlog/spdlog.h"
+
+namespace gem {
+namespace {
+
+absl::Status Stopping() { return absl::UnavailableError("the server is going away"); }
+
+std::chrono::nanoseconds PeriodOf(double hz) {
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / hz));
+}
+
+}  // namespace
+
+MapActor::MapActor(std::string id, const GlobalMapOptions& options, std::uint64_t epoch,
+                   const MapActorOptions& limits, Metrics& metrics)
+    : id_(std::move(id)),
+      options_(options),
+      limits_(limits),
+      metrics_(metrics),
+      gauges_(metrics.AddMap(id_)),
+      mapper_(options, epoch),
+      last_commit_(Clock::now() - PeriodOf(limits.publish_hz)),
+      answers_(static_cast<std::size_t>(limits.request_ids_max)),
+      snapshot_(mapper_.snapshot()),
+      thread_([this] { Run(); }) {}
+
+MapActor::~MapActor() {
+  Stop();
+  thread_.join();
+}
+
+absl::Status MapActor::AddSession(const std::string& session, const std::string& robot,
+                                  const Pose<Global, Odom>& T_G_O) {
+  MutexLock lock(mutex_);
+  if (known_.contains(session))
+    return absl::AlreadyExistsError(absl::StrCat("session is ", session, ", which the map ", id_,
+                                                 " had before, want a new id"));
+  if (sessions_.size() >= static_cast<std::size_t>(limits_.sessions_max))
+    return absl::ResourceExhaustedError(absl::StrCat("map ", id_, " has had ", sessions_.size(),
+                                                     " sessions, want at most ",
+                                                     limits_.sessions_max));
+  known_.insert(session);
+  sessions_.push_back(session);
+  added_.push_back({session, robot, T_G_O});
+  changed_.NotifyOne();
+  return absl::OkStatus();
+}
+
+void MapActor::Update(const std::string& session, SessionUpdate update,
+                      PublishedCallback published) {
+  const auto finished_max = static_cast<std::size_t>(limits_.finished_submaps_waiting_max);
+  {
+    MutexLock lock(mutex_);
+    // Nothing that is finished is ever dropped, so the session waits: it alone, and only if the map
+    // is that many submaps (kilometres of path) behind.
+    while (!stopped_ && pending_[session].update.finished.size() >= finished_max) {
+      urgent_ = true;
+      changed_.NotifyOne();
+      accepted_.Wait(mutex_);
+    }
+    if (!stopped_) {
+      PendingSession& pending = pending_[session];
+      urgent_ = urgent_ || update.ended;
+      Coalesce(pending, std::move(update));
+      if (published != nullptr) pending.published.push_back(std::move(published));
+      changed_.NotifyOne();
+      return;
+    }
+  }
+  if (published != nullptr) published(Stopping());
+}
+
+void MapActor::Correct(const std::string& session, const std::string& request_id,
+                       CorrectedTrajectory correction, CorrectionCallback done) {
+  absl::StatusOr<CorrectionAnswer> at_once = Stopping();
+  {
+    MutexLock lock(mutex_);
+    if (stopped_) {
+      // at_once says so
+    } else if (!known_.contains(session)) {
+      at_once =
+          wire::WithField(absl::NotFoundError(absl::StrCat(
+                              "session is ", session, ", want a session that feeds the map ", id_)),
+                          "session");
+    } else if (const CorrectionAnswer* earlier = answers_.Find(session, request_id)) {
+      at_once = *earlier;
+    } else if (num_waiting_ >= limits_.corrections_waiting_max) {
+      at_once = WithRetry(absl::ResourceExhaustedError(
+                              absl::StrCat(num_waiting_, " corrections wait for the map ", id_,
+                                           ", want at most ", limits_.corrections_waiting_max)),
+                          1.0);
+    } else {
+      ++num_waiting_;
+      if (!request_id.empty()) {
+        auto [repeats, is_new] = in_flight_.try_emplace({session, request_id});
+        if (!is_new) {
+          repeats->second.push_back(std::move(done));
+          return;
+        }
+      }
+      PendingSession& pending = pending_[session];
+      pending.correction = std::move(correction);
+      pending.waiters.push_back({session, request_id, Clock::now(), std::move(done)});
+      urgent_ = true;
+      cancel_.Cancel();
+      changed_.NotifyOne();
+      return;
+    }
+  }
+  done(at_once);
+}
+
+std::shared_ptr<const MapSnapshot> MapActor::snapshot() const {
+  MutexLock lock(mutex_);
+  return snapshot_;
+}
+
+std::vector<std::string> MapActor::sessions() const {
+  MutexLock lock(mutex_);
+  return sessions_;
+}
+
+void MapActor::Stop() {
+  MutexLock lock(mutex_);
+  stopped_ = true;
+  cancel_.Cancel();
+  changed_.NotifyAll();
+  accepted_.NotifyAll();
+}
+
+void MapActor::Run() {
+  Batch batch;
+  while (WaitForWork(batch)) {
+    Batch taken = std::exchange(batch, {});
+    Apply(taken);
+    // A stream of corrections faster than a rendering must not starve the readers.
+    const bool may_restart = restarts_ < limits_.commit_restarts_max;
+    CommitReport report;
+    std::shared_ptr<const MapSnapshot> snapshot =
+        mapper_.Commit(may_restart ? cancel_ : never_, report);
+    metrics_.ObserveCommit(report);
+    last_commit_ = Clock::now();
+    if (report.cancelled) {
+      ++restarts_;
+      continue;
+    }
+    restarts_ = 0;
+    Publish(std::move(snapshot), report);
+  }
+  AbandonAll();
+}
+
+bool MapActor::WaitForWork(Batch& batch) {
+  const Clock::time_point next_commit = last_commit_ + PeriodOf(limits_.publish_hz);
+  MutexLock lock(mutex_);
+  while (!stopped_ && !urgent_ && restarts_ == 0) {
+    const bool has_news = !added_.empty() || !pending_.empty();
+    if (has_news && Clock::now() >= next_commit) break;
+    if (has_news) {
+      changed_.WaitUntil(mutex_, next_commit);
+    } else {
+      changed_.Wait(mutex_);
+    }
+  }
+  if (stopped_) return false;
+  batch.added = std::exchange(added_, {});
+  batch.sessions = std::exchange(pending_, {});
+  urgent_ = false;
+  // Under the mutex: a correction that comes later raises it again.
+  cancel_.Reset();
+  accepted_.NotifyAll();
+  return true;
+}
+
+void MapActor::Apply(Batch& batch) {
+  for (const NewSession& added : batch.added)
+    GEM_CHECK(mapper_.AddSession(added.session, added.robot, added.T_G_O).ok());
+  for (auto& [session, pending] : batch.sessions) {
+    if (pending.has_update) {
+      const absl::Status status = mapper_.Update(session, std::move(pending.update));
+      GEM_CHECK(status.ok());  // sessions are added before they update and end once
+    }
+    for (PublishedCallback& published : pending.published)
+      unpublished_.published.push_back(std::move(published));
+    if (!pending.correction.has_value()) continue;
+    const absl::StatusOr<CorrectionCounts> counts =
+        mapper_.Correct(session, *std::move(pending.correction));
+    for (CorrectionWaiter& waiter : pending.waiters) {
+      if (counts.ok()) {
+        unpublished_.corrected.emplace_back(std::move(waiter), *counts);
+      } else {
+        Answer(waiter, wire::WithField(counts.status(), "poses"));
+      }
+    }
+  }
+}
+
+void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report) {
+  gauges_.Set(*snapshot);
+  const MapVersion version = snapshot->version;
+  Unpublished published = std::exchange(unpublished_, {});
+  {
+    MutexLock lock(mutex_);
+    snapshot_ = std::move(snapshot);
+  }
+  for (const PublishedCallback& done : published.published) done(version);
+  for (const auto& [waiter, counts] : published.corrected) {
+    metrics_.ObserveCorrection(std::chrono::duration<double>(Clock::now() - waiter.arrived).count(),
+                               report.num_touched_tiles);
+    Answer(waiter, CorrectionAnswer{version, report.num_moved_submaps, report.num_touched_tiles,
+                                    counts.num_ahead, counts.num_ignored});
+  }
+}
+
+void MapActor::Answer(const CorrectionWaiter& waiter,
+                      const absl::StatusOr<CorrectionAnswer>& answer) {
+  std::vector<CorrectionCallback> repeats;
+  {
+    MutexLock lock(mutex_);
+    if (answer.ok()) answers_.Remember(waiter.session, waiter.request_id, *answer);
+    const auto found = in_flight_.find({waiter.session, waiter.request_id});
+    if (found != in_flight_.end()) {
+      repeats = std::move(found->second);
+      in_flight_.erase(found);
+    }
+    num_waiting_ -= 1 + static_cast<int>(repeats.size());
+  }
+  waiter.done(answer);
+  for (const CorrectionCallback& done : repeats) done(answer);
+}
+
+void MapActor::AbandonAll() {
+  Batch batch;
+  {
+    MutexLock lock(mutex_);
+    batch.sessions = std::exchange(pending_, {});
+  }
+  for (auto& [session, pending] : batch.sessions) {
+    for (PublishedCallback& published : pending.published)
+      unpublished_.published.push_back(std::move(published));
+    for (CorrectionWaiter& waiter : pending.waiters)
+      unpublished_.corrected.emplace_back(std::move(waiter), CorrectionCounts{});
+  }
+  for (const PublishedCallback& done : unpublished_.published) done(Stopping());
+  for (const auto& [waiter, counts] : unpublished_.corrected) Answer(waiter, Stopping());
+  unpublished_ = {};
+}
+
+}  // namespace gem

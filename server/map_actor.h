@@ -1,0 +1,126 @@
+// Owns the global mapper of one map and the one thread that runs it. Sessions and corrections leave
+// word in its mailbox; readers take the published snapshot and hold no lock of the mapper.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/container/btree_map.h"
+#include "absl/container/flat_hash_set.h"
+#include "absl/status/status.h"
+#include "core/base/cancel_token.h"
+#include "core/base/mutex.h"
+#include "core/global/global_mapper.h"
+#include "server/map_mailbox.h"
+#include "server/metrics.h"
+
+namespace gem {
+
+struct MapActorOptions {
+  double publish_hz = 2;
+  int sessions_max = 10'000;
+  int finished_submaps_waiting_max = 64;
+  int corrections_waiting_max = 1000;
+  int request_ids_max = 1000;
+  int commit_restarts_max = 8;
+};
+
+class MapActor {
+ public:
+  /// options are valid.
+  MapActor(std::string id, const GlobalMapOptions& options, std::uint64_t epoch,
+           const MapActorOptions& limits, Metrics& metrics);
+  ~MapActor();
+  MapActor(const MapActor&) = delete;
+  MapActor& operator=(const MapActor&) = delete;
+
+  const std::string& id() const { return id_; }
+  const GlobalMapOptions& options() const { return options_; }
+
+  /// ALREADY_EXISTS if the id is taken, RESOURCE_EXHAUSTED at the limit.
+  absl::Status AddSession(const std::string& session, const std::string& robot,
+                          const Pose<Global, Odom>& T_G_O);
+
+  /// Live data of a session that was added. Published at the publish rate; at once when the session
+  /// ends. Blocks while too many finished submaps of the session wait. `published` may be null.
+  void Update(const std::string& session, SessionUpdate update, PublishedCallback published);
+
+  /// Replaces the session's correction and stops a rendering in hand. `done` gets the version that
+  /// shows it, or NOT_FOUND, OUT_OF_RANGE, RESOURCE_EXHAUSTED, UNAVAILABLE.
+  void Correct(const std::string& session, const std::string& request_id,
+               CorrectedTrajectory correction, CorrectionCallback done);
+
+  /// Never null.
+  std::shared_ptr<const MapSnapshot> snapshot() const;
+  /// Ids of the sessions that ever fed the map, in order of arrival.
+  std::vector<std::string> sessions() const;
+
+  /// Ends the thread; whoever waits is told UNAVAILABLE.
+  void Stop();
+
+ private:
+  struct NewSession {
+    std::string session;
+    std::string robot;
+    Pose<Global, Odom> T_G_O;
+  };
+  /// Everything that waited when the thread looked.
+  struct Batch {
+    std::vector<NewSession> added;
+    absl::btree_map<std::string, PendingSession> sessions;
+  };
+  /// Applied to the mapper, but not published yet.
+  struct Unpublished {
+    std::vector<PublishedCallback> published;
+    std::vector<std::pair<CorrectionWaiter, CorrectionCounts>> corrected;
+  };
+
+  void Run();
+  /// Waits until there is something to do; false: stop.
+  bool WaitForWork(Batch& batch);
+  void Apply(Batch& batch);
+  void Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report);
+  /// Answers a waiter and everybody who repeated its request.
+  void Answer(const CorrectionWaiter& waiter, const absl::StatusOr<CorrectionAnswer>& answer);
+  void AbandonAll();
+
+  // Constant after construction.
+  const std::string id_;
+  const GlobalMapOptions options_;
+  const MapActorOptions limits_;
+  Metrics& metrics_;
+  const MapGauges gauges_;
+
+  // The thread's own.
+  GlobalMapper mapper_;
+  Unpublished unpublished_;
+  Clock::time_point last_commit_;
+  int restarts_ = 0;
+  CancelToken never_;
+
+  CancelToken cancel_;  ///< raised by Correct(), reset under the mutex when the thread looks
+
+  mutable Mutex mutex_;
+  CondVar changed_;   ///< there is work
+  CondVar accepted_;  ///< finished submaps were taken
+  std::vector<NewSession> added_ ABSL_GUARDED_BY(mutex_);
+  absl::btree_map<std::string, PendingSession> pending_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::string> sessions_ ABSL_GUARDED_BY(mutex_);
+  absl::flat_hash_set<std::string> known_ ABSL_GUARDED_BY(mutex_);
+  AnswerMemory answers_ ABSL_GUARDED_BY(mutex_);
+  /// Requests with an id that were taken and are not answered yet; whoever repeats one joins it.
+  absl::btree_map<std::pair<std::string, std::string>, std::vector<CorrectionCallback>> in_flight_
+      ABSL_GUARDED_BY(mutex_);
+  int num_waiting_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool urgent_ ABSL_GUARDED_BY(mutex_) = false;
+  bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
+  std::shared_ptr<const MapSnapshot> snapshot_ ABSL_GUARDED_BY(mutex_);
+
+  std::thread thread_;
+};
+
+}  // namespace gem

@@ -1,0 +1,70 @@
+// What waits for one map: live data and corrections, coalesced per session. Not thread-safe: the
+// map actor guards it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/container/btree_map.h"
+#include "absl/container/flat_hash_map.h"
+#include "absl/status/statusor.h"
+#include "core/global/global_mapper.h"
+#include "server/ingest_message.h"
+
+namespace gem {
+
+/// What a correction did, once it is published.
+struct CorrectionAnswer {
+  MapVersion version;
+  std::uint32_t num_moved_submaps = 0;
+  std::uint32_t num_touched_tiles = 0;
+  std::uint32_t num_poses_ahead = 0;
+  std::uint32_t num_poses_ignored = 0;
+};
+/// Called from the map's thread; must not block.
+using CorrectionCallback = std::function<void(const absl::StatusOr<CorrectionAnswer>&)>;
+using PublishedCallback = std::function<void(const absl::StatusOr<MapVersion>&)>;
+
+/// A caller that waits for its correction.
+struct CorrectionWaiter {
+  std::string session;
+  std::string request_id;  ///< may be empty
+  Clock::time_point arrived;
+  CorrectionCallback done;
+};
+
+/// What one session has sent since the map last looked.
+struct PendingSession {
+  SessionUpdate update;  ///< coalesced: finished submaps and odometry add up, live parts replace
+  bool has_update = false;
+  std::vector<PublishedCallback> published;
+  std::optional<CorrectedTrajectory> correction;  ///< the newest
+  std::vector<CorrectionWaiter> waiters;          ///< for it, or for one that it overtook
+};
+
+/// Adds `update` to what waits.
+void Coalesce(PendingSession& pending, SessionUpdate update);
+
+/// Answers by session and request id, oldest forgotten first.
+class AnswerMemory {
+ public:
+  explicit AnswerMemory(std::size_t answers_max) : answers_max_(answers_max) {}
+  const CorrectionAnswer* Find(const std::string& session, const std::string& request_id) const;
+  /// Nothing for an empty request id.
+  void Remember(const std::string& session, const std::string& request_id,
+                const CorrectionAnswer& answer);
+
+ private:
+  using Key = std::pair<std::string, std::string>;
+  const std::size_t answers_max_;
+  absl::flat_hash_map<Key, CorrectionAnswer> answers_;
+  std::deque<Key> order_;
+};
+
+}  // namespace gem

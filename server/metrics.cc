@@ -1,0 +1,183 @@
+#include "server/metrics.h"
+
+#include <algorithm>
+#include <string>
+
+namespace gem {
+namespace {
+
+using prometheus::Histogram;
+
+constexpr std::array<const char*, 5> kLocalStages = {"move", "measure", "fuse", "annotate",
+                                                     "clear"};
+constexpr std::array<const char*, 4> kGlobalStages = {"finish", "merge", "deform", "compose"};
+constexpr std::array<const char*, 6> kPointOutcomes = {
+    "fused", "gated", "outside_window", "out_of_range", "out_of_height", "on_body"};
+constexpr std::array<const char*, 4> kCellOutcomes = {"evicted", "restarted", "inflated",
+                                                      "cleared"};
+
+/// 0.1 ms to 1 s, finest where stages live; 100 ms, the promise of a correction, is an edge.
+const Histogram::BucketBoundaries kSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01,
+                                              0.025,  0.05,    0.075,  0.1,   0.25,   0.5,   1.0};
+const Histogram::BucketBoundaries kTiles = {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000};
+
+prometheus::Family<prometheus::Counter>& CounterFamily(prometheus::Registry& registry,
+                                                       const char* name, const char* help) {
+  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
+}
+prometheus::Family<prometheus::Gauge>& GaugeFamily(prometheus::Registry& registry, const char* name,
+                                                   const char* help) {
+  return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
+}
+prometheus::Family<Histogram>& HistogramFamily(prometheus::Registry& registry, const char* name,
+                                               const char* help) {
+  return prometheus::BuildHistogram().Name(name).Help(help).Register(registry);
+}
+
+}  // namespace
+
+void StageTimer::Observe(double seconds) {
+  histogram_.Observe(seconds);
+  MutexLock lock(mutex_);
+  ++totals_.count;
+  totals_.total_s += seconds;
+  totals_.max_s = std::max(totals_.max_s, seconds);
+}
+
+StageTotals StageTimer::totals() const {
+  MutexLock lock(mutex_);
+  return totals_;
+}
+
+void MapGauges::Set(const MapSnapshot& snapshot) const {
+  submaps->Set(static_cast<double>(snapshot.submaps.size()));
+  points->Set(static_cast<double>(snapshot.num_points));
+  submap_bytes->Set(static_cast<double>(snapshot.submap_bytes));
+  tiles->Set(static_cast<double>(snapshot.tiles.size()));
+}
+
+void MethodMetrics::Observe(const std::string& code, double seconds) {
+  seconds_.Observe(seconds);
+  // Not resolved once: most of the codes never happen, and a call costs far more than the look-up.
+  calls_.Add({{"method", method_}, {"code", code}}).Increment();
+}
+
+Metrics::Metrics()
+    : registry_(std::make_shared<prometheus::Registry>()),
+      submaps_(GaugeFamily(*registry_, "gem_submaps", "Submaps of a map, finished and growing")),
+      points_(GaugeFamily(*registry_, "gem_points", "Cells in the submaps of a map")),
+      submap_bytes_(GaugeFamily(*registry_, "gem_submap_bytes", "Memory of a map's submaps")),
+      tiles_(GaugeFamily(*registry_, "gem_tiles", "Tiles of a map that hold cells")),
+      calls_(CounterFamily(*registry_, "gem_rpc_total", "Calls by method and code")),
+      call_seconds_(
+          HistogramFamily(*registry_, "gem_rpc_seconds",
+                          "Time from the call's start to its answer; streams: their life")),
+      fused_scans_(
+          CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason")
+              .Add({{"result", "fused"}, {"reason", ""}})),
+      duplicate_scans_(
+          CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason")
+              .Add({{"result", "duplicate"}, {"reason", ""}})),
+      accepted_poses_(
+          CounterFamily(*registry_, "gem_pose_batches_total", "Batches of streamed poses by result")
+              .Add({{"result", "accepted"}})),
+      refused_poses_(
+          CounterFamily(*registry_, "gem_pose_batches_total", "Batches of streamed poses by result")
+              .Add({{"result", "refused"}})),
+      published_commits_(CounterFamily(*registry_, "gem_commits_total",
+                                       "Renderings of a map; cancelled ones start again")
+                             .Add({{"result", "published"}})),
+      cancelled_commits_(CounterFamily(*registry_, "gem_commits_total",
+                                       "Renderings of a map; cancelled ones start again")
+                             .Add({{"result", "cancelled"}})),
+      merged_submaps_(CounterFamily(*registry_, "gem_merged_submaps_total",
+                                    "Submaps that were merged into a neighbour")
+                          .Add({})),
+      correction_seconds_(HistogramFamily(*registry_, "gem_correction_seconds",
+                                          "From the arrival of a correction to its publication")
+                              .Add({}, kSeconds)),
+      correction_tiles_(HistogramFamily(*registry_, "gem_correction_tiles",
+                                        "Tiles that were rendered for a correction")
+                            .Add({}, kTiles)) {
+  Counters& scans =
+      CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason");
+  for (int i = 1; i < wire::kNumProblemReasons; ++i)
+    refused_scans_[static_cast<std::size_t>(i)] =
+        &scans.Add({{"result", "refused"},
+                    {"reason", std::string(wire::NameOf(static_cast<wire::ProblemReason>(i)))}});
+  Counters& points =
+      CounterFamily(*registry_, "gem_scan_points_total", "Points by what became of them");
+  for (std::size_t i = 0; i < kPointOutcomes.size(); ++i)
+    point_outcomes_[i] = &points.Add({{"outcome", kPointOutcomes[i]}});
+  Counters& cells = CounterFamily(*registry_, "gem_cells_total", "Cells of local maps by event");
+  for (std::size_t i = 0; i < kCellOutcomes.size(); ++i)
+    cell_outcomes_[i] = &cells.Add({{"event", kCellOutcomes[i]}});
+  Histograms& local = HistogramFamily(*registry_, "gem_local_stage_seconds",
+                                      "Time of one stage of the local mapper, a scan");
+  for (const char* stage : kLocalStages)
+    local_stages_.push_back(
+        std::make_unique<StageTimer>("local", stage, local.Add({{"stage", stage}}, kSeconds)));
+  Histograms& global = HistogramFamily(*registry_, "gem_global_stage_seconds",
+                                       "Time of one stage of the global mapper, a commit");
+  for (const char* stage : kGlobalStages)
+    global_stages_.push_back(
+        std::make_unique<StageTimer>("global", stage, global.Add({{"stage", stage}}, kSeconds)));
+}
+
+void Metrics::ObserveScan(const ScanReport& report) {
+  fused_scans_.Increment();
+  const LocalStageSeconds& s = report.seconds;
+  const std::array<double, kNumLocalStages> seconds = {s.move, s.measure, s.fuse, s.annotate,
+                                                       s.clear};
+  for (std::size_t i = 0; i < seconds.size(); ++i) local_stages_[i]->Observe(seconds[i]);
+  const std::array<std::uint64_t, kNumPointOutcomes> points = {
+      report.points_fused,        report.points_gated,         report.points_outside_window,
+      report.points_out_of_range, report.points_out_of_height, report.points_on_body};
+  for (std::size_t i = 0; i < points.size(); ++i)
+    point_outcomes_[i]->Increment(static_cast<double>(points[i]));
+  const std::array<std::uint64_t, kNumCellOutcomes> cells = {
+      report.cells_evicted, report.cells_restarted, report.cells_inflated, report.cells_cleared};
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    cell_outcomes_[i]->Increment(static_cast<double>(cells[i]));
+}
+
+void Metrics::CountRefusedScan(wire::ProblemReason reason) {
+  refused_scans_[static_cast<std::size_t>(reason)]->Increment();
+}
+
+void Metrics::ObserveCommit(const CommitReport& report) {
+  (report.cancelled ? cancelled_commits_ : published_commits_).Increment();
+  merged_submaps_.Increment(report.num_merged_submaps);
+  const GlobalStageSeconds& s = report.seconds;
+  const std::array<double, kNumGlobalStages> seconds = {s.finish, s.merge, s.deform, s.compose};
+  // 0: the stage did not run.
+  for (std::size_t i = 0; i < seconds.size(); ++i)
+    if (seconds[i] > 0) global_stages_[i]->Observe(seconds[i]);
+}
+
+void Metrics::ObserveCorrection(double seconds, std::uint32_t num_touched_tiles) {
+  correction_seconds_.Observe(seconds);
+  correction_tiles_.Observe(num_touched_tiles);
+}
+
+MapGauges Metrics::AddMap(const std::string& map) {
+  const prometheus::Labels labels = {{"map", map}};
+  return {&submaps_.Add(labels), &points_.Add(labels), &submap_bytes_.Add(labels),
+          &tiles_.Add(labels)};
+}
+
+MethodMetrics& Metrics::AddMethod(const std::string& method) {
+  MutexLock lock(mutex_);
+  methods_.push_back(std::make_unique<MethodMetrics>(
+      method, calls_, call_seconds_.Add({{"method", method}}, kSeconds)));
+  return *methods_.back();
+}
+
+std::vector<StageTotals> Metrics::Timings() const {
+  std::vector<StageTotals> timings;
+  for (const auto& stage : local_stages_) timings.push_back(stage->totals());
+  for (const auto& stage : global_stages_) timings.push_back(stage->totals());
+  return timings;
+}
+
+}  // namespace gem

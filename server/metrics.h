@@ -1,0 +1,127 @@
+// Everything that /metrics shows, except what is computed when it is asked (live_collector.h).
+// Handles are resolved once; no label is chosen by a robot, maps are bounded by maps_max.
+// Thread-safe.
+#pragma once
+
+#include <prometheus/counter.h>
+#include <prometheus/family.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/mutex.h"
+#include "core/global/global_mapper.h"
+#include "core/local/local_mapper.h"
+#include "proto/wire/refusal.h"
+
+namespace gem {
+
+/// How long one stage took, since the start.
+struct StageTotals {
+  std::string mapper;  ///< "local" or "global"
+  std::string stage;
+  std::uint64_t count = 0;
+  double total_s = 0;
+  double max_s = 0;
+};
+
+/// A histogram that also knows its longest run.
+class StageTimer {
+ public:
+  StageTimer(std::string mapper, std::string stage, prometheus::Histogram& histogram)
+      : histogram_(histogram), totals_{std::move(mapper), std::move(stage), 0, 0, 0} {}
+  void Observe(double seconds);
+  StageTotals totals() const;
+
+ private:
+  prometheus::Histogram& histogram_;
+  mutable Mutex mutex_;
+  StageTotals totals_ ABSL_GUARDED_BY(mutex_);
+};
+
+/// The gauges of one map.
+struct MapGauges {
+  prometheus::Gauge* submaps = nullptr;
+  prometheus::Gauge* points = nullptr;
+  prometheus::Gauge* submap_bytes = nullptr;
+  prometheus::Gauge* tiles = nullptr;
+  void Set(const MapSnapshot& snapshot) const;
+};
+
+/// One RPC of the API.
+class MethodMetrics {
+ public:
+  MethodMetrics(std::string method, prometheus::Family<prometheus::Counter>& calls,
+                prometheus::Histogram& seconds)
+      : method_(std::move(method)), calls_(calls), seconds_(seconds) {}
+  /// code: "OK", "INVALID_ARGUMENT", ...
+  void Observe(const std::string& code, double seconds);
+
+ private:
+  const std::string method_;
+  prometheus::Family<prometheus::Counter>& calls_;
+  prometheus::Histogram& seconds_;
+};
+
+class Metrics {
+ public:
+  Metrics();
+
+  const std::shared_ptr<prometheus::Registry>& registry() const { return registry_; }
+
+  void ObserveScan(const ScanReport& report);
+  void CountDuplicateScan() { duplicate_scans_.Increment(); }
+  void CountRefusedScan(wire::ProblemReason reason);
+  void CountPoses(bool accepted) { (accepted ? accepted_poses_ : refused_poses_).Increment(); }
+  void ObserveCommit(const CommitReport& report);
+  /// From the arrival of a correction to its publication, and the tiles that were rendered for it.
+  void ObserveCorrection(double seconds, std::uint32_t num_touched_tiles);
+  MapGauges AddMap(const std::string& map);
+  /// The reference stays valid as long as the Metrics.
+  MethodMetrics& AddMethod(const std::string& method);
+
+  std::vector<StageTotals> Timings() const;
+
+ private:
+  using Counters = prometheus::Family<prometheus::Counter>;
+  using Gauges = prometheus::Family<prometheus::Gauge>;
+  using Histograms = prometheus::Family<prometheus::Histogram>;
+
+  static constexpr std::size_t kNumLocalStages = 5;
+  static constexpr std::size_t kNumGlobalStages = 4;
+  static constexpr std::size_t kNumPointOutcomes = 6;
+  static constexpr std::size_t kNumCellOutcomes = 4;
+
+  std::shared_ptr<prometheus::Registry> registry_;
+  Gauges& submaps_;
+  Gauges& points_;
+  Gauges& submap_bytes_;
+  Gauges& tiles_;
+  Counters& calls_;
+  Histograms& call_seconds_;
+  prometheus::Counter& fused_scans_;
+  prometheus::Counter& duplicate_scans_;
+  std::array<prometheus::Counter*, wire::kNumProblemReasons> refused_scans_{};
+  prometheus::Counter& accepted_poses_;
+  prometheus::Counter& refused_poses_;
+  std::array<prometheus::Counter*, kNumPointOutcomes> point_outcomes_{};
+  std::array<prometheus::Counter*, kNumCellOutcomes> cell_outcomes_{};
+  prometheus::Counter& published_commits_;
+  prometheus::Counter& cancelled_commits_;
+  prometheus::Counter& merged_submaps_;
+  prometheus::Histogram& correction_seconds_;
+  prometheus::Histogram& correction_tiles_;
+  std::vector<std::unique_ptr<StageTimer>> local_stages_;
+  std::vector<std::unique_ptr<StageTimer>> global_stages_;
+
+  Mutex mutex_;
+  std::vector<std::unique_ptr<MethodMetrics>> methods_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace gem

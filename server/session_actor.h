@@ -1,0 +1,91 @@
+// One session: a mailbox, a thread, a mapper. It outlives its streams: a robot that vanishes loses
+// nothing and resumes where it was.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "core/base/mutex.h"
+#include "server/map_actor.h"
+#include "server/metrics.h"
+#include "server/session_mailbox.h"
+#include "server/session_mapper.h"
+
+namespace gem {
+
+struct SessionActorOptions {
+  std::uint64_t queue_bytes_max = 64u << 20;
+  double publish_hz = 2;
+  double local_publish_hz = 10;
+  double session_idle_s_max = 600;
+  double pose_wait_s_max = 0.2;
+};
+
+class SessionActor {
+ public:
+  /// The map knows the session. config is valid.
+  SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
+               const SessionActorOptions& options, Metrics& metrics);
+  ~SessionActor();
+  SessionActor(const SessionActor&) = delete;
+  SessionActor& operator=(const SessionActor&) = delete;
+
+  const SessionConfig& config() const { return config_; }
+  const std::shared_ptr<MapActor>& map() const { return map_; }
+  SessionMailbox& mailbox() { return *mailbox_; }
+  const SessionMailbox& mailbox() const { return *mailbox_; }
+
+  /// The newest local map; null before the first scan. Stays when the session ends.
+  std::shared_ptr<const LocalMap> local_map() const;
+  /// Forgets the local map of a session whose robot has a newer one.
+  void DropLocalMap();
+
+  /// False once the session has ended.
+  bool active() const { return active_.load(std::memory_order_acquire); }
+  std::uint64_t num_scans_fused() const { return num_fused_.load(std::memory_order_relaxed); }
+  std::uint64_t num_scans_refused() const { return num_refused_.load(std::memory_order_relaxed); }
+
+  /// Ends the thread without ending the session: the server goes away.
+  void Stop();
+
+ private:
+  void Run();
+  void TakePoses(SessionMapper& mapper, const std::vector<IngestMessage>& batches);
+  void ProcessScan(SessionMapper& mapper, const IngestMessage& message);
+  absl::Status FuseScan(SessionMapper& mapper, const IngestMessage& message);
+  SessionMapper::PoseSearch WaitForPose(SessionMapper& mapper);
+  void PublishWhatIsDue(SessionMapper& mapper);
+  void PublishLocalMap(const SessionMapper& mapper);
+  void End(SessionMapper& mapper);
+  void TellStream() const;
+  Clock::time_point NextDeadline() const;
+
+  // Constant after construction.
+  const SessionConfig config_;
+  const std::shared_ptr<MapActor> map_;
+  const SessionActorOptions options_;
+  Metrics& metrics_;
+  /// Shared: what a finished call or a publication still refers to.
+  const std::shared_ptr<SessionMailbox> mailbox_;
+
+  // The thread's own.
+  Clock::time_point last_local_publish_;
+  Clock::time_point last_publish_;
+  bool local_map_is_old_ = false;
+  bool map_is_old_ = false;
+
+  std::atomic<bool> active_{true};
+  std::atomic<std::uint64_t> num_fused_{0};
+  std::atomic<std::uint64_t> num_refused_{0};
+
+  mutable Mutex mutex_;
+  std::shared_ptr<const LocalMap> local_map_ ABSL_GUARDED_BY(mutex_);
+
+  std::thread thread_;
+};
+
+}  // namespace gem

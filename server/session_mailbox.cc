@@ -1,0 +1,183 @@
+#include "server/session_mailbox.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace gem {
+namespace {
+
+/// Problems listed in one answer; more are counted only, so that a stream of rubbish costs little.
+constexpr std::size_t kProblemsListed_max = 32;
+
+}  // namespace
+
+absl::StatusOr<SessionMailbox::Attached> SessionMailbox::Attach(std::shared_ptr<IngestSink> sink) {
+  MutexLock lock(mutex_);
+  if (door_closed_ || end_requested_ || stopped_) return absl::FailedPreconditionError("has ended");
+  Attached attached;
+  attached.previous = std::exchange(sink_, std::move(sink));
+  attached.resume_after_seq = accepted_seq_;
+  // What still waits from the stream before is paid back to this one as it drains.
+  attached.credit_bytes = queue_bytes_max_ - std::min(queue_bytes_max_, unreturned_credit_bytes_);
+  progress_ = {};
+  return attached;
+}
+
+void SessionMailbox::Detach(const IngestSink* sink) {
+  MutexLock lock(mutex_);
+  if (sink_.get() != sink) return;
+  sink_ = nullptr;
+  idle_since_ = Clock::now();
+  detached_ = true;
+  changed_.NotifyOne();
+}
+
+bool SessionMailbox::Enqueue(const IngestSink* sink, IngestMessage message) {
+  MutexLock lock(mutex_);
+  if (sink_.get() != sink || stopped_) return true;
+  // The session's thread consumes every scan that is next in line, refused or not, so that what is
+  // accepted is known before the scan is looked at.
+  if (message.scan != nullptr && message.seq == accepted_seq_ + 1) ++accepted_seq_;
+  queue_bytes_ += message.size_bytes;
+  unreturned_credit_bytes_ += message.credit_bytes;
+  idle_since_ = Clock::now();
+  (message.scan != nullptr ? scans_ : poses_).push_back(std::move(message));
+  changed_.NotifyOne();
+  return queue_bytes_ < queue_bytes_max_;
+}
+
+bool SessionMailbox::HasRoom() const {
+  MutexLock lock(mutex_);
+  return queue_bytes_ < queue_bytes_max_;
+}
+
+bool SessionMailbox::HasScans() const {
+  MutexLock lock(mutex_);
+  return !scans_.empty();
+}
+
+void SessionMailbox::RequestEnd(const IngestSink* sink) {
+  MutexLock lock(mutex_);
+  if (sink_.get() != sink) return;
+  end_requested_ = true;
+  changed_.NotifyOne();
+}
+
+void SessionMailbox::AddProblem(const IngestSink* sink, IngestProblem problem) {
+  MutexLock lock(mutex_);
+  if (sink_.get() == sink) AddProblemLocked(std::move(problem));
+}
+
+IngestProgress SessionMailbox::TakeProgress(const IngestSink* sink) {
+  MutexLock lock(mutex_);
+  if (sink_.get() != sink) return {};
+  IngestProgress progress = std::exchange(progress_, {});
+  progress.accepted_seq = accepted_seq_;
+  progress.fused_seq = fused_seq_;
+  return progress;
+}
+
+bool SessionMailbox::idle() const {
+  MutexLock lock(mutex_);
+  return scans_.empty() && poses_.empty() && !in_hand_.has_value();
+}
+
+SessionMailbox::Work SessionMailbox::Wait(Clock::time_point deadline) {
+  MutexLock lock(mutex_);
+  while (!stopped_ && scans_.empty() && poses_.empty() && !end_requested_ && !detached_)
+    if (!changed_.WaitUntil(mutex_, deadline)) break;
+  detached_ = false;
+  Work work;
+  work.stopped = stopped_;
+  if (stopped_) return work;
+  work.poses.assign(std::make_move_iterator(poses_.begin()), std::make_move_iterator(poses_.end()));
+  poses_.clear();
+  if (!scans_.empty()) {
+    work.scan = std::move(scans_.front());
+    scans_.pop_front();
+    in_hand_ = work.scan->arrived;
+  }
+  work.end_requested = end_requested_ && !work.scan.has_value();
+  return work;
+}
+
+std::vector<IngestMessage> SessionMailbox::WaitForPoses(Clock::time_point deadline) {
+  MutexLock lock(mutex_);
+  while (!stopped_ && poses_.empty() && !end_requested_)
+    if (!changed_.WaitUntil(mutex_, deadline)) break;
+  std::vector<IngestMessage> poses(std::make_move_iterator(poses_.begin()),
+                                   std::make_move_iterator(poses_.end()));
+  poses_.clear();
+  return poses;
+}
+
+void SessionMailbox::FinishScan(const IngestMessage& scan, std::uint64_t fused_seq,
+                                const std::optional<IngestProblem>& problem) {
+  MutexLock lock(mutex_);
+  fused_seq_ = fused_seq;
+  in_hand_.reset();
+  ReleaseLocked(scan, problem);
+}
+
+void SessionMailbox::FinishPoses(const IngestMessage& poses,
+                                 const std::optional<IngestProblem>& problem) {
+  MutexLock lock(mutex_);
+  ReleaseLocked(poses, problem);
+}
+
+void SessionMailbox::ReleaseLocked(const IngestMessage& message,
+                                   const std::optional<IngestProblem>& problem) {
+  queue_bytes_ -= message.size_bytes;
+  unreturned_credit_bytes_ -= message.credit_bytes;
+  idle_since_ = Clock::now();
+  if (message.scan != nullptr) {
+    progress_.credit_bytes += message.credit_bytes;
+    progress_.news = true;
+  }
+  if (problem.has_value()) AddProblemLocked(*problem);
+}
+
+void SessionMailbox::AddProblemLocked(IngestProblem problem) {
+  progress_.news = true;
+  if (progress_.problems.size() < kProblemsListed_max) {
+    progress_.problems.push_back(std::move(problem));
+  } else {
+    ++progress_.problems_left_out;
+  }
+}
+
+bool SessionMailbox::CloseDoor(bool only_if_alone) {
+  MutexLock lock(mutex_);
+  if (only_if_alone && (sink_ != nullptr || !scans_.empty() || !poses_.empty())) return false;
+  door_closed_ = true;
+  return true;
+}
+
+Clock::time_point SessionMailbox::idle_since() const {
+  MutexLock lock(mutex_);
+  // While a stream is there the session waits for its robot, however long it says nothing: dead
+  // connections are found by keepalive.
+  return sink_ != nullptr ? Clock::now() : idle_since_;
+}
+
+void SessionMailbox::Stop() {
+  MutexLock lock(mutex_);
+  stopped_ = true;
+  changed_.NotifyAll();
+}
+
+std::shared_ptr<IngestSink> SessionMailbox::sink() const {
+  MutexLock lock(mutex_);
+  return sink_;
+}
+
+SessionMailbox::Load SessionMailbox::load() const {
+  MutexLock lock(mutex_);
+  Load load{queue_bytes_, in_hand_, fused_seq_, sink_ != nullptr};
+  if (!load.oldest.has_value() && !scans_.empty()) load.oldest = scans_.front().arrived;
+  return load;
+}
+
+}  // namespace gem

@@ -1,0 +1,106 @@
+// The queue of one session, bounded in bytes, and the progress that its stream reports.
+// Thread-safe: the stream puts in, the session's thread takes out.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/base/mutex.h"
+#include "server/ingest_message.h"
+
+namespace gem {
+
+class SessionMailbox {
+ public:
+  /// Reading stops when so many bytes wait.
+  explicit SessionMailbox(std::uint64_t queue_bytes_max) : queue_bytes_max_(queue_bytes_max) {}
+
+  // For streams.
+  struct Attached {
+    std::uint64_t resume_after_seq = 0;
+    std::uint64_t credit_bytes = 0;
+    std::shared_ptr<IngestSink> previous;  ///< to be told that it was taken over
+  };
+  /// Makes `sink` the session's stream. FAILED_PRECONDITION once the session is ending.
+  absl::StatusOr<Attached> Attach(std::shared_ptr<IngestSink> sink);
+  /// Does nothing if another sink is attached.
+  void Detach(const IngestSink* sink);
+  /// Takes the message in; false: do not read on before OnProgress(). What a sink sends that is not
+  /// attached is dropped.
+  bool Enqueue(const IngestSink* sink, IngestMessage message);
+  bool HasRoom() const;
+  bool HasScans() const;
+  /// The session ends when what waits is done.
+  void RequestEnd(const IngestSink* sink);
+  /// A problem that was found before the session saw the message.
+  void AddProblem(const IngestSink* sink, IngestProblem problem);
+  /// What happened since the last call. Nothing for a sink that is not attached.
+  IngestProgress TakeProgress(const IngestSink* sink);
+  /// Nothing waits and nothing is in hand.
+  bool idle() const;
+
+  // For the session's thread.
+  struct Work {
+    std::vector<IngestMessage> poses;   ///< all that wait
+    std::optional<IngestMessage> scan;  ///< the oldest; in hand until Finish()
+    bool end_requested = false;         ///< and no scan is left
+    bool stopped = false;
+  };
+  /// Waits for work until the deadline, or until the stream leaves.
+  Work Wait(Clock::time_point deadline);
+  /// Waits for poses only: a scan in hand needs them. Returns early without any when none can come.
+  std::vector<IngestMessage> WaitForPoses(Clock::time_point deadline);
+  /// The scan in hand is done: fused, a duplicate (both without problem) or refused.
+  void FinishScan(const IngestMessage& scan, std::uint64_t fused_seq,
+                  const std::optional<IngestProblem>& problem);
+  /// A batch of poses is done.
+  void FinishPoses(const IngestMessage& poses, const std::optional<IngestProblem>& problem);
+  /// No stream may attach any more. False, and nothing is closed, if `only_if_alone` and a stream
+  /// is there or something waits.
+  bool CloseDoor(bool only_if_alone);
+  /// When the last stream left or the last message came, whichever is later.
+  Clock::time_point idle_since() const;
+
+  // For everybody.
+  void Stop();
+  std::shared_ptr<IngestSink> sink() const;
+  struct Load {
+    std::uint64_t queue_bytes = 0;
+    std::optional<Clock::time_point> oldest;  ///< arrival of the oldest message not done
+    std::uint64_t fused_seq = 0;
+    bool connected = false;
+  };
+  Load load() const;
+
+ private:
+  void ReleaseLocked(const IngestMessage& message, const std::optional<IngestProblem>& problem)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void AddProblemLocked(IngestProblem problem) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  // Constant after construction.
+  const std::uint64_t queue_bytes_max_;
+
+  mutable Mutex mutex_;
+  CondVar changed_;
+  std::shared_ptr<IngestSink> sink_ ABSL_GUARDED_BY(mutex_);
+  std::deque<IngestMessage> scans_ ABSL_GUARDED_BY(mutex_);
+  std::deque<IngestMessage> poses_ ABSL_GUARDED_BY(mutex_);
+  std::optional<Clock::time_point> in_hand_ ABSL_GUARDED_BY(mutex_);
+  std::uint64_t queue_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t unreturned_credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t accepted_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t fused_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  IngestProgress progress_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point idle_since_ ABSL_GUARDED_BY(mutex_) = Clock::now();
+  bool end_requested_ ABSL_GUARDED_BY(mutex_) = false;
+  bool detached_ ABSL_GUARDED_BY(mutex_) = false;  ///< since the last Wait()
+  bool door_closed_ ABSL_GUARDED_BY(mutex_) = false;
+  bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+}  // namespace gem

@@ -1,0 +1,140 @@
+#include "client/pictures/map_picture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <png.h>
+
+#include <random>
+
+#include "tests/client/grid_samples.h"
+
+namespace gem {
+
+void PrintTo(const Rgb& color, std::ostream* out) {
+  *out << int{color.red} << "," << int{color.green} << "," << int{color.blue};
+}
+
+namespace client {
+namespace {
+
+constexpr Rgb kFree{85, 170, 85};
+constexpr Rgb kObstacle{150, 40, 30};
+constexpr Rgb kNearlyFree{205, 125, 60};
+constexpr Rgb kNotAnnotated{150, 150, 150};
+
+PictureOptions OnePixelACell(Layer layer = Layer::kTraversability) {
+  PictureOptions options;
+  options.layer = layer;
+  options.pixels_per_cell = 1;
+  return options;
+}
+
+TEST(MapPicture, ColoursAFlatMapByTraversability) {
+  const Image image = Draw(GridOf(5, {1, 1, 1, 1, {}}, {1, 0, 0.7f, {}, {}}), OnePixelACell());
+  ASSERT_EQ(image.width, 5);
+  ASSERT_EQ(image.height, 1);
+  EXPECT_EQ(image.At(0, 0), kFree);
+  EXPECT_EQ(image.At(1, 0), kObstacle);
+  // Free is above the threshold, not on it.
+  EXPECT_EQ(image.At(2, 0), kNearlyFree);
+  EXPECT_EQ(image.At(3, 0), kNotAnnotated);
+  EXPECT_EQ(image.At(4, 0), kUnknownColor);
+}
+
+TEST(MapPicture, HasNorthUpAndEastRight) {
+  // North-east is the only obstacle.
+  const Image image = Draw(GridOf(2, {0, 0, 0, 0}, {1, 1, 1, 0}), OnePixelACell());
+  EXPECT_EQ(image.At(1, 0), kObstacle);
+  EXPECT_EQ(image.At(0, 0), kFree);
+  EXPECT_EQ(image.At(1, 1), kFree);
+}
+
+TEST(MapPicture, IsLitFromTheNorthWest) {
+  const std::vector<std::optional<float>> free(9, 1);
+  const auto green = [&free](const std::vector<std::optional<float>>& elevation) {
+    return Draw(GridOf(3, elevation, free), OnePixelACell()).At(1, 1).green;
+  };
+  const int flat = green(std::vector<std::optional<float>>(9, 0));
+  const int rises_to_east = green({0, 0.5f, 1, 0, 0.5f, 1, 0, 0.5f, 1});   // faces the light
+  const int rises_to_north = green({0, 0, 0, 0.5f, 0.5f, 0.5f, 1, 1, 1});  // faces away
+  EXPECT_GT(rises_to_east, flat);
+  EXPECT_LT(rises_to_north, flat);
+}
+
+TEST(MapPicture, NeverDrawsUnknownOrNotAnnotatedAsFree) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> height(-3, 3), unit(0, 1);
+  std::vector<std::optional<float>> elevation(400), traversability(400);
+  for (std::size_t i = 0; i < 400; ++i) {
+    if (unit(random) < 0.7f) elevation[i] = height(random);
+    if (elevation[i] && unit(random) < 0.7f) traversability[i] = unit(random);
+  }
+  PlacedGrid map = GridOf(20, elevation, traversability);
+  map.grid.layers.push_back(LayerOf(Layer::kVariance, elevation));
+  for (const Layer layer : {Layer::kElevation, Layer::kTraversability, Layer::kVariance}) {
+    const Image image = Draw(map, OnePixelACell(layer));
+    int num_unknown = 0, num_not_annotated = 0;
+    for (int row = 0; row < 20; ++row) {
+      for (int column = 0; column < 20; ++column) {
+        const auto cell = static_cast<std::size_t>(row * 20 + column);
+        const Rgb pixel = image.At(column, 19 - row);
+        EXPECT_EQ(pixel == kUnknownColor, !elevation[cell].has_value());
+        num_unknown += !elevation[cell].has_value();
+        if (layer == Layer::kVariance || !elevation[cell] || traversability[cell]) continue;
+        ++num_not_annotated;
+        EXPECT_TRUE(pixel.red == pixel.green && pixel.green == pixel.blue) << "not grey";
+      }
+    }
+    EXPECT_GT(num_unknown, 50);
+    EXPECT_GE(num_not_annotated, layer == Layer::kVariance ? 0 : 50);
+  }
+}
+
+TEST(MapPicture, DrawsColourAsItIs) {
+  PlacedGrid map = GridOf(2, {0, 0}, {{}, {}});
+  map.grid.layers.push_back(
+      {Layer::kColor, {1, 0}, {}, {0xff0a141eu, 0}});  // red 30, green 20, blue 10
+  const Image image = Draw(map, OnePixelACell(Layer::kColor));
+  EXPECT_EQ(image.At(0, 0), (Rgb{30, 20, 10}));
+  EXPECT_EQ(image.At(1, 0), kNotAnnotated);
+}
+
+TEST(MapPicture, ShowsTheLeastTraversableOfSeveralCells) {
+  // 4 x 2 cells on 2 x 1 pixels: one obstacle among free cells; known among unknown ones.
+  PictureOptions options;
+  options.side_pixels_max = 2;
+  const Image image =
+      Draw(GridOf(4, {0, 0, {}, {}, 0, 0, {}, 0}, {1, 1, {}, {}, 0, 1, {}, 1}), options);
+  ASSERT_EQ(image.width, 2);
+  ASSERT_EQ(image.height, 1);
+  EXPECT_EQ(image.At(0, 0), kObstacle);
+  EXPECT_EQ(image.At(1, 0), kFree);
+}
+
+TEST(MapPicture, EnlargesASmallMap) {
+  const std::vector<std::optional<float>> flat(40 * 20, 0);
+  const Image image = Draw(GridOf(40, flat, flat), {});
+  EXPECT_EQ(image.width, 40 * 13);  // 13 is the first that reaches 512
+  EXPECT_EQ(image.height, 20 * 13);
+}
+
+TEST(PngFile, IsReadBackAsItWas) {
+  Image image{3, 2, {}};
+  for (std::uint8_t i = 0; i < 6; ++i)
+    image.pixels.push_back({i, static_cast<std::uint8_t>(40 * i), 255});
+  const auto bytes = ToPng(image);
+  ASSERT_TRUE(bytes.ok()) << bytes.status();
+  png_image png = {};
+  png.version = PNG_IMAGE_VERSION;
+  ASSERT_NE(png_image_begin_read_from_memory(&png, bytes->data(), bytes->size()), 0);
+  EXPECT_EQ(png.width, 3u);
+  EXPECT_EQ(png.height, 2u);
+  png.format = PNG_FORMAT_RGB;
+  std::vector<Rgb> pixels(6);
+  ASSERT_NE(png_image_finish_read(&png, nullptr, pixels.data(), 0, nullptr), 0);
+  EXPECT_EQ(pixels, image.pixels);
+}
+
+}  // namespace
+}  // namespace client
+}  // namespace gem

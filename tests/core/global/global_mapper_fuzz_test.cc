@@ -1,0 +1,181 @@
+// Random histories with fixed seeds: however a map came to its state, by many commits or by one, it
+// must look the same.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <random>
+
+#include "core/global/global_mapper.h"
+#include "scenes.h"
+
+namespace gem {
+namespace {
+
+using test::kSecond_ns;
+
+class History {
+ public:
+  explicit History(unsigned seed) : random_(seed) {}
+
+  void Step(GlobalMapper& mapper) {
+    const std::string session = Uniform(0, 1) < 0.5 ? "a" : "b";
+    Robot& robot = robots_[session];
+    if (!robot.added) {
+      robot.added = true;
+      robot.T_G_O = RandomMove(0.2);
+      ASSERT_TRUE(mapper.AddSession(session, session, robot.T_G_O).ok());
+    }
+    if (!robot.ended && Uniform(0, 1) < 0.7) {
+      ASSERT_TRUE(mapper.Update(session, Drive(session, robot)).ok());
+    } else if (!robot.odometry.empty()) {
+      robot.correction = RandomCorrection(robot);
+      ASSERT_TRUE(mapper.Correct(session, robot.correction).ok());
+    }
+  }
+
+  /// All at once: what the last state is made of.
+  std::shared_ptr<const MapSnapshot> Afresh(const GlobalMapOptions& options) {
+    GlobalMapper mapper(options, 1);
+    for (auto& [session, robot] : robots_) {
+      EXPECT_TRUE(mapper.AddSession(session, session, robot.T_G_O).ok());
+      if (robot.ended) robot.last.active = nullptr;
+      EXPECT_TRUE(mapper
+                      .Update(session, {.odometry = robot.odometry,
+                                        .finished = robot.finished,
+                                        .active = robot.last.active,
+                                        .local_map = robot.last.local_map,
+                                        .ended = robot.ended})
+                      .ok());
+      if (!robot.correction.empty()) {
+        EXPECT_TRUE(mapper.Correct(session, robot.correction).ok());
+      }
+    }
+    CommitReport report;
+    return mapper.Commit(CancelToken(), report);
+  }
+
+ private:
+  struct Robot {
+    Pose<Global, Odom> T_G_O;
+    std::int64_t stamp_s = 0;
+    std::vector<StampedPose<Odom, Base>> odometry;
+    std::vector<std::shared_ptr<const Submap>> finished;
+    SessionUpdate last;
+    CorrectedTrajectory correction;
+    std::int64_t anchor_s = 1;
+    std::int32_t width = 10;
+    bool added = false;
+    bool ended = false;
+  };
+
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+
+  Pose<Global, Odom> RandomMove(double size) {
+    const Eigen::Vector3d axis(Uniform(-0.2, 0.2), Uniform(-0.2, 0.2), 1);
+    return {Eigen::Quaterniond(Eigen::AngleAxisd(size * Uniform(-3, 3), axis.normalized())),
+            Eigen::Vector3d(size * Uniform(-40, 40), size * Uniform(-40, 40), Uniform(-1, 1))};
+  }
+
+  SessionUpdate Drive(const std::string& session, Robot& robot) {
+    SessionUpdate update;
+    for (int i = 0; i < 3; ++i) {
+      ++robot.stamp_s;
+      const double s = static_cast<double>(robot.stamp_s);
+      update.odometry.push_back({robot.stamp_s * kSecond_ns,
+                                 Pose<Odom, Base>::FromYaw(0.1 * s, {s, 3 * std::sin(s), 0})});
+    }
+    const auto submap = [&](std::int64_t anchor_s, std::int32_t width) {
+      return test::MakeSubmap(
+          session, anchor_s * kSecond_ns, test::AtCells(static_cast<std::int32_t>(anchor_s) * 5, 0),
+          {{-width, -8}, {width, 12}},
+          [=](CellIndex c) { return 0.3f * static_cast<float>((c.x * c.y + anchor_s) % 4); });
+    };
+    robot.width += 4;
+    if (robot.width > 40) {
+      update.finished = {submap(robot.anchor_s, robot.width)};
+      robot.anchor_s = robot.stamp_s;
+      robot.width = 10;
+    }
+    robot.ended = robot.stamp_s > 120;
+    if (!robot.ended) {
+      if (Uniform(0, 1) < 0.9) update.active = submap(robot.anchor_s, robot.width);
+      if (Uniform(0, 1) < 0.9)
+        update.local_map = test::MakeLocalMap({static_cast<std::int32_t>(robot.stamp_s) * 5, -10},
+                                              20, 0.5f, robot.stamp_s * kSecond_ns);
+    }
+    update.ended = robot.ended;
+    robot.odometry.insert(robot.odometry.end(), update.odometry.begin(), update.odometry.end());
+    robot.finished.insert(robot.finished.end(), update.finished.begin(), update.finished.end());
+    robot.last = update;
+    return update;
+  }
+
+  /// Some stamps between odometry's, some ahead; at least one that can be used at once.
+  CorrectedTrajectory RandomCorrection(const Robot& robot) {
+    const Pose<Global, Odom> move = RandomMove(1);
+    CorrectedTrajectory correction;
+    correction.push_back({robot.odometry.front().stamp_ns, move * robot.odometry.front().T_A_B});
+    std::int64_t stamp_ns = correction.front().stamp_ns;
+    for (int i = 0; i < 5; ++i) {
+      stamp_ns += static_cast<std::int64_t>(Uniform(1, 20e9));
+      const double s = static_cast<double>(stamp_ns) * 1e-9;
+      correction.push_back({stamp_ns, move * Pose<Odom, Base>::FromYaw(0.1 * s + Uniform(0, 0.1),
+                                                                       {s, Uniform(-3, 3), 0})});
+    }
+    return correction;
+  }
+
+  std::mt19937 random_;
+  std::map<std::string, Robot> robots_;
+};
+
+class RandomHistory : public testing::TestWithParam<unsigned> {};
+
+TEST_P(RandomHistory, ManyCommitsEqualOne) {
+  GlobalMapOptions options;
+  options.merge_overlap_min = 2;  // merging depends on when it happens
+  GlobalMapper mapper(options, 1);
+  History history(GetParam());
+  std::mt19937 random(GetParam() + 1000);
+  CommitReport report;
+  for (int step = 0; step < 60; ++step) {
+    history.Step(mapper);
+    if (testing::Test::HasFatalFailure()) return;
+    if (random() % 3 == 0) mapper.Commit(CancelToken(), report);
+    if (random() % 5 == 0) {
+      CancelToken cancel;
+      cancel.Cancel();
+      mapper.Commit(cancel, report);
+    }
+    if (step % 20 != 19) continue;
+    const auto incremental = mapper.Commit(CancelToken(), report);
+    const auto afresh = history.Afresh(options);
+    ASSERT_TRUE(test::SameCells(*incremental, *afresh)) << "step " << step;
+    ASSERT_EQ(incremental->num_points, afresh->num_points);
+    ASSERT_GT(test::NumKnown(*afresh), 100u);
+    for (const auto& [index, tile] : incremental->tiles)
+      ASSERT_TRUE(std::any_of(tile->cells.begin(), tile->cells.end(),
+                              [](const CellBelief& c) { return c.known(); }));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, RandomHistory, testing::Range(0u, 12u));
+
+TEST(RandomHistory, TheComparisonCanFail) {
+  const auto map = [](float elevation_m) {
+    GlobalMapper mapper(GlobalMapOptions{}, 1);
+    EXPECT_TRUE(mapper.AddSession("s", "r", {}).ok());
+    EXPECT_TRUE(
+        mapper.Update("s", {.local_map = test::MakeLocalMap({0, 0}, 9, elevation_m, 1)}).ok());
+    CommitReport report;
+    return mapper.Commit(CancelToken(), report);
+  };
+  EXPECT_TRUE(test::SameCells(*map(1), *map(1)));
+  EXPECT_FALSE(test::SameCells(*map(1), *map(1.0001f)));
+}
+
+}  // namespace
+}  // namespace gem

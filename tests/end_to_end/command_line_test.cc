@@ -1,0 +1,71 @@
+// What a user sees who mistypes, and what a stopped server leaves behind.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "tests/end_to_end/process.h"
+
+namespace gem::test {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(CommandLine, SaysWhichSceneIsUnknownAndWhichThereAre) {
+  const Finished run = Gem({"simulate", "moon", "--server", "127.0.0.1:1"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.output, HasSubstr("moon"));
+  EXPECT_THAT(run.output, HasSubstr("block"));
+}
+
+TEST(CommandLine, SaysWhichFileIsMissing) {
+  const ScratchDir scratch;
+  const Finished run = Gem({"replay", "kitti", scratch.File("nowhere"), "--server", "127.0.0.1:1"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.output, HasSubstr("nowhere"));
+}
+
+TEST(CommandLine, SaysWhichMapIsUnknown) {
+  const ServerProcess server;
+  const ScratchDir scratch;
+  const Finished run = Gem({"export", "--server", server.address(), "--map", "atlantis", "--layer",
+                            "elevation", "--format", "xyz", "--out", scratch.File("out.xyz")});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.output, HasSubstr("atlantis"));
+  EXPECT_FALSE(std::ifstream(scratch.File("out.xyz")).good()) << "a failed export left a file";
+}
+
+TEST(CommandLine, StatusSpeaksJson) {
+  const ServerProcess server;
+  const Finished run = Gem({"status", "--server", server.address(), "--json"});
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("\"maps\""));
+}
+
+TEST(Server, RefusesAConfigurationWithAnUnknownKeyAndNamesTheLine) {
+  const ScratchDir scratch;
+  std::ofstream(scratch.File("gem.yaml")) << "map:\n  cell_size_m: 0.1\n  cell_sise_m: 0.2\n";
+  const Finished run = RunProgram({GEM_SERVER_BINARY, "--config", scratch.File("gem.yaml")}, 30);
+  EXPECT_NE(run.exit_code, 0);
+  EXPECT_THAT(run.output, HasSubstr("gem.yaml:3"));
+  EXPECT_THAT(run.output, HasSubstr("cell_sise_m"));
+}
+
+TEST(Server, SaysThatItsPortIsTaken) {
+  const ServerProcess server;
+  const Finished run = RunProgram(
+      {GEM_SERVER_BINARY, "--listen", server.address(), "--metrics_listen", "127.0.0.1:0"}, 30);
+  EXPECT_NE(run.exit_code, 0);
+  EXPECT_THAT(run.output, HasSubstr(server.address()));
+}
+
+TEST(Server, StopsCleanlyAtOnce) {
+  ServerProcess server;
+  double seconds = 0;
+  EXPECT_EQ(server.Stop(seconds), 0);
+  EXPECT_LT(seconds, 2.0) << "a promise of the server, not a benchmark";
+}
+
+}  // namespace
+}  // namespace gem::test

@@ -1,0 +1,123 @@
+#include "tests/fuzz/fuzz_targets.h"
+
+#include <google/protobuf/stubs/logging.h>
+
+#include <cmath>
+
+#include "core/base/check.h"
+#include "gem/v1/ingest_service.pb.h"
+#include "gem/v1/types.pb.h"
+#include "proto/wire/map.h"
+#include "proto/wire/pose.h"
+#include "proto/wire/refusal.h"
+#include "proto/wire/session_setup.h"
+#include "server/session_mapper.h"
+
+namespace gem::fuzz {
+namespace {
+
+SessionConfig SmallSession() {
+  SessionConfig config;
+  config.setup = {"map", "robot", "session", {}, {}, {}, {}};
+  config.setup.sensors.push_back({"top", {}, *MakeNoiseModel(LidarNoise())});
+  config.local_map.side_m = 2;
+  config.scan_limits = {.scan_bytes_max = 4096, .points_max = 256};
+  return config;
+}
+
+void RunScan(const v1::Scan& scan) {
+  SessionMapper mapper(SmallSession());
+  const auto intake = mapper.Take(scan, scan.seq());
+  // A refusal names its field: robots show it to people.
+  GEM_CHECK(intake.ok() || !wire::FieldOf(intake.status()).empty());
+  if (!intake.ok() || *intake != SessionMapper::Intake::kTaken) return;
+  if (mapper.FindPose() != SessionMapper::PoseSearch::kFound) return;
+  const ScanReport report = mapper.Fuse();
+  GEM_CHECK(report.points == scan.point_count());
+  const auto map = mapper.CopyLocalMap();
+  for (std::size_t i = 0; i < map->num_cells(); ++i)
+    GEM_CHECK(std::isfinite(map->elevation_m[i]) && std::isfinite(map->variance_m2[i]));
+  GEM_CHECK(mapper.End().ended);
+}
+
+}  // namespace
+
+void IngestRequest(const std::uint8_t* data, std::size_t size) {
+  google::protobuf::SetLogHandler(nullptr);  // it reports every broken string
+  v1::IngestRequest request;
+  if (!request.ParseFromArray(data, static_cast<int>(size))) return;
+  if (request.has_open()) {
+    const auto setup = wire::FromProto(request.open(), wire::FieldPath("open"));
+    GEM_CHECK(setup.ok() || !wire::FieldOf(setup.status()).empty());
+    if (setup.ok()) {
+      // Whatever the options, judging them is safe.
+      (void)Validate(setup->local_map.Over({}));
+      (void)Validate(setup->map_setup.Over({}));
+    }
+  }
+  if (request.has_poses()) {
+    SessionMapper mapper(SmallSession());
+    (void)mapper.AddPoses(request.poses());
+  }
+  if (request.has_scan()) RunScan(request.scan());
+}
+
+void Tile(const std::uint8_t* data, std::size_t size) {
+  google::protobuf::SetLogHandler(nullptr);
+  v1::Tile proto;
+  if (!proto.ParseFromArray(data, static_cast<int>(size))) return;
+  const auto tile = wire::FromProto(proto, wire::FieldPath("tile"));
+  GEM_CHECK(tile.ok() || !wire::FieldOf(tile.status()).empty());
+  if (!tile.ok() || !tile->grid.has_value()) return;
+  for (const GridLayer& layer : tile->grid->layers) {
+    GEM_CHECK(layer.valid.size() == tile->grid->num_cells());
+    for (const float value : layer.values) GEM_CHECK(std::isfinite(value));
+  }
+}
+
+std::vector<std::string> IngestRequestSeeds() {
+  std::vector<std::string> seeds;
+  v1::IngestRequest request;
+  wire::SessionSetup setup = SmallSession().setup;
+  setup.local_map.side_m = 8.0f;
+  setup.local_map.body = BodyBox{-1, -1, -1, 1, 1, 1};
+  setup.map_setup.cell_size_m = 0.1f;
+  wire::ToProto(setup, request.mutable_open());
+  seeds.push_back(request.SerializeAsString());
+
+  wire::ToProto({{1, {}}, {2, Pose<Odom, Base>::FromYaw(1, {1, 2, 3})}}, request.mutable_poses());
+  seeds.push_back(request.SerializeAsString());
+
+  v1::Scan* scan = request.mutable_scan();
+  scan->set_seq(1);
+  scan->set_stamp_ns(100);
+  scan->set_sensor("top");
+  wire::ToProto(Pose<Odom, Base>::FromTranslation(0, 0, 1), scan->mutable_odom_from_base());
+  wire::CovarianceToProto({Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()}, scan);
+  const std::vector<ScanPoint> points = {
+      {0.6f, 0.1f, -1, 0xff0000ff}, {-0.7f, 0.2f, -0.5f, 0}, {0.1f, 0.9f, -1, 0xff00ff00}};
+  wire::PointsToProto(points, scan);
+  seeds.push_back(request.SerializeAsString());
+  (void)wire::PointsToProtoInt16(points, 0.001, scan);
+  seeds.push_back(request.SerializeAsString());
+  request.mutable_close();
+  seeds.push_back(request.SerializeAsString());
+  return seeds;
+}
+
+std::vector<std::string> TileSeeds() {
+  std::vector<std::string> seeds;
+  gem::Tile tile{{-1, 2}, {3, 4}, std::vector<CellBelief>(kTileCells * kTileCells)};
+  tile.cells[5] = {1.5f,       0.01f,         0.9f,
+                   0xff102030, 1'000'000'000, kCellKnown | kCellAnnotated | kCellColored};
+  v1::Tile proto;
+  wire::ToProto(tile, 0.2f, 2'000'000'000, wire::TileLayers(), wire::CellEncoding::kCompact,
+                &proto);
+  seeds.push_back(proto.SerializeAsString());
+  proto.Clear();
+  proto.set_absent(true);
+  seeds.push_back(proto.SerializeAsString());
+  return seeds;
+}
+
+}  // namespace gem::fuzz

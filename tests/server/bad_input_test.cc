@@ -1,0 +1,343 @@
+// What robots get wrong: each refusal names the field, is counted, and costs nothing else. After
+// each the next good scan is fused.
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <limits>
+#include <thread>
+
+#include "google/rpc/error_details.pb.h"
+#include "tests/server/test_server.h"
+
+namespace gem {
+namespace {
+
+using testing::HasSubstr;
+
+std::string Refused(const char* reason) {
+  return std::string("gem_scans_total{reason=\"") + reason + "\",result=\"refused\"}";
+}
+
+/// Sends one bad scan between two good ones.
+class BadScan : public testing::Test {
+ protected:
+  /// `bad` has sequence number 2 unless it says otherwise.
+  void ExpectRefused(const v1::Scan& bad, v1::ProblemReason reason, const char* reason_label,
+                     const std::string& text) {
+    TestServer server(options_);
+    TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+    ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+    ASSERT_TRUE(robot.Send(bad));
+    ASSERT_TRUE(robot.ReadUntilProblems(1));
+    EXPECT_EQ(robot.problems()[0].seq(), bad.seq());
+    EXPECT_EQ(robot.problems()[0].reason(), reason);
+    EXPECT_EQ(robot.problems()[0].message(), text);
+    const std::uint64_t next = robot.fused_seq() + 1;
+    ASSERT_TRUE(robot.Send(FlatScan(next, 0)));
+    ASSERT_TRUE(robot.ReadUntilFused(next));
+    EXPECT_EQ(robot.problems().size(), 1u);
+    EXPECT_EQ(server.Metric(Refused(reason_label)), 1);
+    EXPECT_EQ(server.Metric("gem_scans_total{reason=\"\",result=\"fused\"}"), 2);
+  }
+
+  /// A good scan whose points are replaced.
+  static v1::Scan WithPoints(const std::vector<ScanPoint>& points) {
+    v1::Scan scan = FlatScan(2, 0);
+    wire::PointsToProto(points, &scan);
+    return scan;
+  }
+
+  ServerOptions options_ = TestOptions();
+};
+
+TEST_F(BadScan, Truncated) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.mutable_points()->resize(12'000);
+  ExpectRefused(scan, v1::PROBLEM_REASON_MALFORMED, "malformed",
+                "scan.points is 12000 bytes, want point_count * point_stride = 1024 * 12 = 12288");
+}
+
+TEST_F(BadScan, Oversized) {
+  options_.scan_bytes_max = 12'288;
+  options_.queue_bytes_max = 1 << 20;
+  ExpectRefused(WithPoints(std::vector<ScanPoint>(1025, ScanPoint{1, 1, -1, 0})),
+                v1::PROBLEM_REASON_TOO_LARGE, "too_large",
+                "scan.points is 12300 bytes, want at most 12288");
+}
+
+TEST_F(BadScan, TooManyPoints) {
+  options_.points_max = 1024;
+  ExpectRefused(WithPoints(std::vector<ScanPoint>(1025, ScanPoint{1, 1, -1, 0})),
+                v1::PROBLEM_REASON_TOO_LARGE, "too_large",
+                "scan.point_count is 1025, want at most 1024");
+}
+
+TEST_F(BadScan, NotANumber) {
+  std::vector<ScanPoint> points(20, ScanPoint{1, 1, -1, 0});
+  points[17].x_m = std::numeric_limits<float>::quiet_NaN();
+  ExpectRefused(WithPoints(points), v1::PROBLEM_REASON_MALFORMED, "malformed",
+                "scan.points[17].x is nan, want a finite number");
+}
+
+TEST_F(BadScan, Infinite) {
+  std::vector<ScanPoint> points(20, ScanPoint{1, 1, -1, 0});
+  points[3].z_m = -std::numeric_limits<float>::infinity();
+  ExpectRefused(WithPoints(points), v1::PROBLEM_REASON_MALFORMED, "malformed",
+                "scan.points[3].z is -inf, want a finite number");
+}
+
+TEST_F(BadScan, ZeroLength) {
+  ExpectRefused(WithPoints({}), v1::PROBLEM_REASON_MALFORMED, "malformed",
+                "scan.point_count is 0, want 1 to 2000000");
+}
+
+TEST_F(BadScan, WrongStride) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.set_point_stride(3);
+  ExpectRefused(scan, v1::PROBLEM_REASON_MALFORMED, "malformed",
+                "scan.point_stride is 3, want 6 to 256");
+}
+
+TEST_F(BadScan, UnknownSensor) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.set_sensor("bottom");
+  ExpectRefused(scan, v1::PROBLEM_REASON_UNKNOWN_SENSOR, "unknown_sensor",
+                "scan.sensor is \"bottom\", want a sensor that the session declared");
+}
+
+TEST_F(BadScan, WithoutPose) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.clear_odom_from_base();
+  ExpectRefused(
+      scan, v1::PROBLEM_REASON_NO_POSE, "no_pose",
+      "scan.odom_from_base is unset, want a transform, or streamed poses around the stamp "
+      "200000000, of which there are none");
+}
+
+TEST_F(BadScan, WithAPoseOfNoLength) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.mutable_odom_from_base()->set_qw(0);
+  ExpectRefused(
+      scan, v1::PROBLEM_REASON_MALFORMED, "malformed",
+      "scan.odom_from_base is a zero quaternion (qx = qy = qz = qw = 0), want a norm within "
+      "0.01 of 1");
+}
+
+TEST_F(BadScan, AfterAGap) {
+  ExpectRefused(FlatScan(5, 0), v1::PROBLEM_REASON_OUT_OF_ORDER, "out_of_order",
+                "scan.seq is 5, want 2, the one after the last");
+}
+
+TEST_F(BadScan, NumberedZero) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.set_seq(0);
+  ExpectRefused(scan, v1::PROBLEM_REASON_OUT_OF_ORDER, "out_of_order",
+                "scan.seq is 0, want 2, the one after the last");
+}
+
+TEST_F(BadScan, FromThePast) {
+  v1::Scan scan = FlatScan(2, 0);
+  scan.set_stamp_ns(StampOf(1));
+  ExpectRefused(scan, v1::PROBLEM_REASON_OUT_OF_ORDER, "out_of_order",
+                "scan.stamp_ns is 100000000, want more than the scan's before it, 100000000");
+}
+
+TEST(BadInput, PosesThatDoNotIncreaseAreNamedAndCounted) {
+  TestServer server;
+  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+  v1::PoseBatch poses;
+  for (const std::int64_t stamp_ns : {5, 4}) {
+    poses.add_poses()->set_stamp_ns(stamp_ns);
+    poses.mutable_poses()->rbegin()->mutable_odom_from_base()->set_qw(1);
+  }
+  ASSERT_TRUE(robot.Send(poses));
+  ASSERT_TRUE(robot.ReadUntilProblems(1));
+  EXPECT_EQ(robot.problems()[0].seq(), 0u);
+  EXPECT_EQ(robot.problems()[0].reason(), v1::PROBLEM_REASON_OUT_OF_ORDER);
+  EXPECT_EQ(robot.problems()[0].message(),
+            "poses.poses[1].stamp_ns is 4, want more than the stamp before it, 5");
+  EXPECT_EQ(server.Metric("gem_pose_batches_total{result=\"refused\"}"), 1);
+  ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+  ASSERT_TRUE(robot.ReadUntilFused(1));
+}
+
+TEST(BadInput, PosesWithoutScansMakeNoMapAndEndWell) {
+  TestServer server;
+  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+  v1::PoseBatch poses;
+  poses.add_poses()->set_stamp_ns(5);
+  poses.mutable_poses(0)->mutable_odom_from_base()->set_qw(1);
+  ASSERT_TRUE(robot.Send(poses));
+  ASSERT_TRUE(robot.SendClose());
+  ASSERT_TRUE(robot.ReadUntilClosed());
+  EXPECT_EQ(robot.closed().num_scans_fused(), 0u);
+  EXPECT_EQ(server.Metric("gem_pose_batches_total{result=\"accepted\"}"), 1);
+  EXPECT_TRUE(FetchMap(server, "site").Cells().empty());
+}
+
+TEST(BadInput, AnEmptyMessageIsAProblemAndNotTheEnd) {
+  TestServer server;
+  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+  ASSERT_TRUE(robot.SendEmpty());
+  ASSERT_TRUE(robot.ReadUntilProblems(1));
+  EXPECT_EQ(robot.problems()[0].message(), "payload is unset, want scan, poses or close");
+  ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+  ASSERT_TRUE(robot.ReadUntilFused(1));
+}
+
+TEST(BadInput, TheFirstMessageMustOpen) {
+  TestServer server;
+  grpc::ClientContext context;
+  context.set_deadline(TestDeadline());
+  const auto stream = server.ingest().Ingest(&context);
+  v1::IngestRequest request;
+  *request.mutable_scan() = FlatScan(1, 0);
+  stream->Write(request);
+  v1::IngestResponse response;
+  EXPECT_FALSE(stream->Read(&response));
+  const grpc::Status status = stream->Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status.error_message(), "open is unset, want it in the first message");
+}
+
+TEST(BadInput, AFloodOfProblemsIsListedInPartAndCountedInFull) {
+  ServerOptions options = TestOptions();
+  TestServer server(options);
+  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+  for (std::uint64_t seq = 1; seq <= 500; ++seq) {
+    v1::Scan scan;
+    scan.set_seq(seq);
+    ASSERT_TRUE(robot.Send(scan));
+  }
+  ASSERT_TRUE(robot.ReadUntilFused(500));
+  EXPECT_LE(robot.problems().size(), 500u);
+  EXPECT_EQ(robot.problems().size() + robot.problems_left_out(), 500u);
+  EXPECT_EQ(server.Metric(Refused("malformed")), 500);
+}
+
+TEST(BadInput, ErrorsOfCallsCarryTheFieldForPrograms) {
+  TestServer server;
+  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+  v1::CorrectTrajectoryRequest request;
+  request.set_map("site");
+  request.set_session("s1");
+  request.add_poses()->mutable_map_from_base()->set_x(std::numeric_limits<double>::quiet_NaN());
+  v1::CorrectTrajectoryResponse response;
+  const grpc::Status status = TestServer::Call(
+      server.ingest(), &v1::IngestService::Stub::CorrectTrajectory, request, response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status.error_message(), "poses[0].map_from_base.x is nan, want a finite number");
+  google::rpc::Status details;
+  ASSERT_TRUE(details.ParseFromString(status.error_details()));
+  ASSERT_EQ(details.details_size(), 1);
+  google::rpc::BadRequest bad_request;
+  ASSERT_TRUE(details.details(0).UnpackTo(&bad_request));
+  EXPECT_EQ(bad_request.field_violations(0).field(), "poses[0].map_from_base.x");
+  EXPECT_EQ(server.Metric("gem_rpc_total{code=\"INVALID_ARGUMENT\",method=\"CorrectTrajectory\"}"),
+            1);
+}
+
+/// Hands bytes between one client and the server, and cuts both off in the middle.
+class CuttingProxy {
+ public:
+  CuttingProxy(const std::string& server, std::size_t bytes_max)
+      : server_(server), bytes_max_(bytes_max) {
+    listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in any = Address("127.0.0.1:0");
+    EXPECT_EQ(::bind(listener_, reinterpret_cast<sockaddr*>(&any), sizeof(any)), 0);
+    EXPECT_EQ(::listen(listener_, 1), 0);
+    socklen_t size = sizeof(any);
+    ::getsockname(listener_, reinterpret_cast<sockaddr*>(&any), &size);
+    address_ = "127.0.0.1:" + std::to_string(ntohs(any.sin_port));
+    thread_ = std::thread([this] { Run(); });
+  }
+  ~CuttingProxy() {
+    ::shutdown(listener_, SHUT_RDWR);
+    thread_.join();
+    ::close(listener_);
+  }
+  const std::string& address() const { return address_; }
+  std::size_t bytes_passed() const { return bytes_passed_; }
+  void Join() {
+    thread_.join();
+    thread_ = std::thread([] {});
+  }
+
+ private:
+  static sockaddr_in Address(const std::string& address) {
+    sockaddr_in result{};
+    result.sin_family = AF_INET;
+    const std::size_t colon = address.rfind(':');
+    result.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1))));
+    inet_pton(AF_INET, address.substr(0, colon).c_str(), &result.sin_addr);
+    return result;
+  }
+  void Run() {
+    const int client = ::accept(listener_, nullptr, nullptr);
+    const int server = ::socket(AF_INET, SOCK_STREAM, 0);
+    const sockaddr_in to = Address(server_);
+    if (client >= 0 && ::connect(server, reinterpret_cast<const sockaddr*>(&to), sizeof(to)) == 0) {
+      std::vector<char> buffer(4096);
+      pollfd sockets[2] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
+      while (bytes_passed_<bytes_max_&& ::poll(sockets, 2, 30'000)> 0) {
+        if (sockets[1].revents != 0 && !Pass(server, client, buffer)) break;
+        if (sockets[0].revents != 0) {
+          if (!Pass(client, server, buffer)) break;
+        }
+      }
+    }
+    ::close(client);
+    ::close(server);
+  }
+  bool Pass(int from, int to, std::vector<char>& buffer) {
+    const ssize_t n = ::recv(from, buffer.data(), buffer.size(), 0);
+    if (n <= 0 || ::send(to, buffer.data(), static_cast<std::size_t>(n), MSG_NOSIGNAL) != n)
+      return false;
+    bytes_passed_ += static_cast<std::size_t>(n);
+    return true;
+  }
+
+  const std::string server_;
+  const std::size_t bytes_max_;
+  std::size_t bytes_passed_ = 0;
+  int listener_ = -1;
+  std::string address_;
+  std::thread thread_;
+};
+
+TEST(BadInput, ARobotThatVanishesInMidMessageLosesOnlyThatMessage) {
+  TestServer server;
+  // Another robot must not notice.
+  TestStream other(server.ingest(), TestOpen("r2", "s2"));
+  {
+    // Scan 1 is 12 kB; scan 2 is 12 MB and cut after some 100 kB.
+    CuttingProxy proxy(server.address(), 120'000);
+    const auto channel = grpc::CreateChannel(proxy.address(), grpc::InsecureChannelCredentials());
+    const auto stub = v1::IngestService::NewStub(channel);
+    TestStream robot(*stub, TestOpen("r1", "s1"));
+    ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+    ASSERT_TRUE(robot.ReadUntilFused(1));
+    v1::Scan huge = FlatScan(2, 0);
+    wire::PointsToProto(std::vector<ScanPoint>(1'000'000, ScanPoint{1, 1, -1, 0}), &huge);
+    robot.Send(huge);
+    EXPECT_FALSE(robot.Finish().ok());
+    proxy.Join();
+    EXPECT_GE(proxy.bytes_passed(), 120'000u);
+    EXPECT_LT(proxy.bytes_passed(), 1'000'000u);
+  }
+  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+  EXPECT_EQ(robot.opened().resume_after_seq(), 1u);
+  ASSERT_TRUE(robot.Send(FlatScan(2, 0)));
+  ASSERT_TRUE(robot.ReadUntilFused(2));
+  EXPECT_TRUE(robot.problems().empty());
+  ASSERT_TRUE(other.Send(FlatScan(1, 0)));
+  ASSERT_TRUE(other.ReadUntilFused(1));
+}
+
+}  // namespace
+}  // namespace gem

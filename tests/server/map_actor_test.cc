@@ -1,0 +1,177 @@
+#include "server/map_actor.h"
+
+#include <gtest/gtest.h>
+
+#include <future>
+
+#include "proto/wire/refusal.h"
+
+namespace gem {
+namespace {
+
+constexpr std::uint64_t kEpoch = 7;
+
+/// A submap of one cell at the origin of K, which lies at (x, 0, 0) of O.
+std::shared_ptr<const Submap> OneCellSubmap(double x_m, std::int64_t stamp_ns) {
+  SubmapOrigin origin;
+  origin.session = "s";
+  origin.robots = {"r"};
+  origin.anchor_stamp_ns = stamp_ns;
+  origin.T_O_K = Pose<Odom, Submap>::FromTranslation(x_m, 0, 0);
+  origin.cell_size_m = 1;
+  SubmapCell cell;
+  cell.covariance_m2 = {0.01f, 0, 0, 0.01f, 0, 0.01f};
+  cell.traversability = 1;
+  cell.stamp_ns = stamp_ns;
+  cell.state = kCellKnown | kCellAnnotated;
+  return std::make_shared<Submap>(origin, std::vector<KeyedSubmapCell>{{{0, 0}, cell}});
+}
+
+/// The robot is at (x, 0, 0) at the stamp and finishes a submap there.
+SessionUpdate UpdateAt(double x_m, std::int64_t stamp_ns) {
+  SessionUpdate update;
+  update.odometry.push_back({stamp_ns, Pose<Odom, Base>::FromTranslation(x_m, 0, 0)});
+  update.finished.push_back(OneCellSubmap(x_m, stamp_ns));
+  return update;
+}
+
+class MapActorTest : public testing::Test {
+ protected:
+  explicit MapActorTest(MapActorOptions limits = {}) {
+    options_.cell_size_m = 1;
+    map_ = std::make_unique<MapActor>("m", options_, kEpoch, limits, metrics_);
+    EXPECT_TRUE(map_->AddSession("s", "r", {}).ok());
+  }
+
+  /// Ends the session with `update` and waits for the publication.
+  absl::StatusOr<MapVersion> End(SessionUpdate update) {
+    update.ended = true;
+    std::promise<absl::StatusOr<MapVersion>> promise;
+    map_->Update("s", std::move(update),
+                 [&](const absl::StatusOr<MapVersion>& version) { promise.set_value(version); });
+    return promise.get_future().get();
+  }
+
+  absl::StatusOr<CorrectionAnswer> Correct(double raise_m, std::int64_t stamp_ns,
+                                           const std::string& request_id = "") {
+    std::promise<absl::StatusOr<CorrectionAnswer>> promise;
+    map_->Correct(
+        "s", request_id, {{stamp_ns, Pose<Global, Base>::FromTranslation(0, 0, raise_m)}},
+        [&](const absl::StatusOr<CorrectionAnswer>& answer) { promise.set_value(answer); });
+    return promise.get_future().get();
+  }
+
+  float HeightAt(CellIndex cell) const {
+    const auto snapshot = map_->snapshot();
+    const auto tile = snapshot->tiles.find(TileOf(cell));
+    if (tile == snapshot->tiles.end()) return -999;
+    const CellBelief& belief = tile->second->cells[static_cast<std::size_t>(IndexInTile(cell))];
+    return belief.known() ? belief.elevation_m : -999;
+  }
+
+  GlobalMapOptions options_;
+  Metrics metrics_;
+  std::unique_ptr<MapActor> map_;
+};
+
+TEST_F(MapActorTest, PublishesAtOnceWhenASessionEnds) {
+  const auto version = End(UpdateAt(0, 100));
+  ASSERT_TRUE(version.ok()) << version.status();
+  EXPECT_EQ(version->epoch, kEpoch);
+  EXPECT_EQ(map_->snapshot()->version, *version);
+  EXPECT_EQ(HeightAt({0, 0}), 0);
+}
+
+TEST_F(MapActorTest, KeepsEveryFinishedSubmapOfUpdatesThatWaitedTogether) {
+  for (int i = 0; i < 10; ++i) map_->Update("s", UpdateAt(10 * i, 100 + i), nullptr);
+  ASSERT_TRUE(End(UpdateAt(100, 200)).ok());
+  EXPECT_EQ(map_->snapshot()->submaps.size(), 11u);
+}
+
+TEST_F(MapActorTest, AnswersACorrectionWithTheVersionThatShowsIt) {
+  ASSERT_TRUE(End(UpdateAt(0, 100)).ok());
+  const auto answer = Correct(2, 100);
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  EXPECT_EQ(answer->num_moved_submaps, 1u);
+  EXPECT_EQ(map_->snapshot()->version, answer->version);
+  EXPECT_NEAR(HeightAt({0, 0}), 2, 1e-6);
+}
+
+TEST_F(MapActorTest, RemembersAnswersByRequestIdAndForgetsErrors) {
+  ASSERT_TRUE(End(UpdateAt(0, 100)).ok());
+  EXPECT_EQ(Correct(1, 1, "a").status().code(), absl::StatusCode::kOutOfRange);
+  const auto first = Correct(1, 100, "a");
+  ASSERT_TRUE(first.ok()) << first.status();
+  ASSERT_TRUE(Correct(2, 100, "b").ok());
+  const auto again = Correct(1, 100, "a");
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->version, first->version);
+  EXPECT_NEAR(HeightAt({0, 0}), 2, 1e-6);
+}
+
+TEST_F(MapActorTest, RefusesSessionsItKnowsAndCorrectionsOfThoseItDoesNot) {
+  EXPECT_EQ(map_->AddSession("s", "r", {}).code(), absl::StatusCode::kAlreadyExists);
+  absl::Status status;
+  map_->Correct("x", "", {{1, {}}},
+                [&](const absl::StatusOr<CorrectionAnswer>& answer) { status = answer.status(); });
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(wire::FieldOf(status), "session");
+}
+
+TEST_F(MapActorTest, TellsWhoWaitsThatItStops) {
+  map_->Stop();
+  EXPECT_EQ(Correct(1, 100).status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(End(UpdateAt(0, 100)).status().code(), absl::StatusCode::kUnavailable);
+}
+
+class NarrowMapActorTest : public MapActorTest {
+ protected:
+  NarrowMapActorTest()
+      : MapActorTest({.publish_hz = 0.001, .sessions_max = 1, .finished_submaps_waiting_max = 2}) {}
+};
+
+TEST_F(NarrowMapActorTest, HasALimitOfSessions) {
+  const absl::Status status = map_->AddSession("t", "r", {});
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(std::string(status.message()), "map m has had 1 sessions, want at most 1");
+}
+
+TEST_F(NarrowMapActorTest, TakesFinishedSubmapsAtOnceWhenTooManyWait) {
+  // Live data is published every 1000 s here: without urgency the third update would wait so long.
+  for (int i = 0; i < 10; ++i) map_->Update("s", UpdateAt(10 * i, 100 + i), nullptr);
+  ASSERT_TRUE(End({}).ok());
+  EXPECT_EQ(map_->snapshot()->submaps.size(), 10u);
+}
+
+TEST(Coalesce, AddsUpWhatMustNotBeLostAndReplacesTheRest) {
+  PendingSession pending;
+  SessionUpdate first = UpdateAt(0, 100);
+  first.active = OneCellSubmap(1, 101);
+  first.local_map = std::make_shared<LocalMap>();
+  Coalesce(pending, first);
+  SessionUpdate second = UpdateAt(10, 200);
+  Coalesce(pending, second);
+  EXPECT_EQ(pending.update.odometry.size(), 2u);
+  EXPECT_EQ(pending.update.finished.size(), 2u);
+  EXPECT_EQ(pending.update.active, nullptr);
+  EXPECT_EQ(pending.update.local_map, nullptr);
+  EXPECT_FALSE(pending.update.ended);
+}
+
+TEST(AnswerMemory, ForgetsTheOldestFirst) {
+  AnswerMemory memory(2);
+  for (std::uint64_t revision = 1; revision <= 3; ++revision) {
+    CorrectionAnswer answer;
+    answer.version.revision = revision;
+    memory.Remember("s", std::to_string(revision), answer);
+  }
+  EXPECT_EQ(memory.Find("s", "1"), nullptr);
+  ASSERT_NE(memory.Find("s", "2"), nullptr);
+  EXPECT_EQ(memory.Find("s", "3")->version.revision, 3u);
+  EXPECT_EQ(memory.Find("t", "3"), nullptr);
+  memory.Remember("s", "", {});
+  EXPECT_EQ(memory.Find("s", ""), nullptr);
+}
+
+}  // namespace
+}  // namespace gem
