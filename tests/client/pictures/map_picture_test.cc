@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <png.h>
 
 #include <random>
 
@@ -116,23 +115,6 @@ TEST(MapPicture, EnlargesASmallMap) {
   const Image image = Draw(GridOf(40, flat, flat), {});
   EXPECT_EQ(image.width, 40 * 13);  // 13 is the first that reaches 512
   EXPECT_EQ(image.height, 20 * 13);
-}
-
-TEST(PngFile, IsReadBackAsItWas) {
-  Image image{3, 2, {}};
-  for (std::uint8_t i = 0; i < 6; ++i)
-    image.pixels.push_back({i, static_cast<std::uint8_t>(40 * i), 255});
-  const auto bytes = ToPng(image);
-  ASSERT_TRUE(bytes.ok()) << bytes.status();
-  png_image png = {};
-  png.version = PNG_IMAGE_VERSION;
-  ASSERT_NE(png_image_begin_read_from_memory(&png, bytes->data(), bytes->size()), 0);
-  EXPECT_EQ(png.width, 3u);
-  EXPECT_EQ(png.height, 2u);
-  png.format = PNG_FORMAT_RGB;
-  std::vector<Rgb> pixels(6);
-  ASSERT_NE(png_image_finish_read(&png, nullptr, pixels.data(), 0, nullptr), 0);
-  EXPECT_EQ(pixels, image.pixels);
 }
 
 }  // namespace
