@@ -18,8 +18,6 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kPeriod_ns = 100'000'000;  // KITTI's cameras run at 10 Hz
 constexpr double kPathMin_m = 5;  // shorter paths do not tell how a camera is pitched
 constexpr double kStepMin_m = 0.05;
-// KITTI's cameras are so high over the road.
-constexpr double kCameraHeight_m = 1.65;
 
 /// Rotation of a base with x forward, y left, z up into camera axes, for a camera that looks down
 /// by so much.
@@ -109,11 +107,6 @@ absl::Status KittiStereoSource::OpenCameras(const std::string& calibration_path)
   StereoNoise noise;
   noise.focal_length_px = static_cast<float>(model_.fx_px);
   noise.baseline_m = static_cast<float>(baseline_m_);
-  // The model has the error of a depth act along the optical axis, but it acts along the ray: the
-  // height of what lies h below the camera errs by h / z * sigma_z = h z / (f B) * sigma_disparity,
-  // which is the lateral error of h / B * sigma_disparity pixels.
-  noise.sigma_pixel_px = static_cast<float>(
-      std::hypot(noise.sigma_pixel_px, kCameraHeight_m / baseline_m_ * noise.sigma_disparity_px));
   GEM_ASSIGN_OR_RETURN(noise_, MakeNoiseModel(noise));
   return absl::OkStatus();
 }
