@@ -1,5 +1,6 @@
 // Colours, from an image to an orthophoto: what is known comes out as it was sent, what is not
 // stays transparent.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -115,6 +116,15 @@ TEST(Orthophoto, ShowsTheColoursThatTheCameraSaw) {
   // The map's extent is that of the window, so that both pictures have the same layout.
   ExpectRedAndBlue({"export", "--map", "m", "--region", "-10,-10,10,10"}, server, scratch);
   ExpectRedAndBlue({"local", "--robot", "r"}, server, scratch);
+}
+
+TEST(Orthophoto, NeedsAnEncodingThatCarriesColours) {
+  const ScratchDir scratch;
+  WriteRecording(scratch);
+  const Finished replay = Gem({"replay", "kitti", scratch.File("drive"), "--server", "127.0.0.1:1",
+                               "--color_images", "image_2", "--points", "int16"});
+  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_THAT(replay.output, testing::HasSubstr("int16 points carry no colours"));
 }
 
 TEST(Orthophoto, ShowsAStreetFromStereoPairs) {
