@@ -100,6 +100,8 @@ std::vector<Setting> MakeSettings() {
                   "a cell never becomes less sure than this, m^2"),
       GEM_SETTING("local_map.variance_growth_m2_per_s", local_map.variance_growth_m2_per_s,
                   "growth of the variance since the last observation, m^2/s"),
+      GEM_SETTING("local_map.variance_growth_m2_per_m", local_map.variance_growth_m2_per_m,
+                  "growth of the variance with the way since the last observation, m^2/m"),
       GEM_SETTING("local_map.below_gate_inflation", local_map.below_gate_inflation,
                   "factor on the variance of ground that was not seen where it is believed"),
       GEM_SETTING("local_map.slope_weight", local_map.slope_weight, "w_s of eq. (7)"),

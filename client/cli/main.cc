@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "client/cli/bench_local.h"
 #include "client/cli/correct_command.h"
+#include "client/cli/evaluate_command.h"
 #include "client/cli/export_command.h"
 #include "client/cli/local_command.h"
 #include "client/cli/replay_command.h"
@@ -28,6 +29,7 @@ int main(int argc, char** argv) {
   gem::client::AddStatusCommand(app, run);
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
+  gem::client::AddEvaluateCommand(app, run);
   CLI11_PARSE(app, argc, argv);
 
   const absl::Status status = run();

@@ -85,7 +85,7 @@ class CpuMapper final : public LocalMapper {
     ScanReport report;
     Stopwatch stopwatch;
     Move(scan, evicted, report);
-    GrowVariances(scan.stamp_ns);
+    GrowVariances(scan);
     report.seconds.move = stopwatch.Lap();
     Measure(scan.points, report);
     report.seconds.measure = stopwatch.Lap();
@@ -131,7 +131,7 @@ class CpuMapper final : public LocalMapper {
   void EvictColumns(std::int32_t row, std::int32_t begin, std::int32_t end,
                     std::vector<EvictedCell>& evicted);
   void Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanReport& report);
-  void GrowVariances(std::int64_t stamp_ns);
+  void GrowVariances(const Scan& scan);
   void Measure(std::span<const ScanPoint> points, ScanReport& report);
   void SortHits();
   FuseOutcome FuseInto(Place place);
@@ -208,13 +208,14 @@ void CpuMapper::Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanRe
   }
   report.cells_evicted = evicted.size() - evicted_before;
   seq_ = scan.seq;
-  T_O_B_ = scan.T_O_B;
   frame_ = MakeScanFrame(scan, to, options_);
 }
 
-void CpuMapper::GrowVariances(std::int64_t stamp_ns) {
-  const float growth_m2 = GrowthOver(stamp_ns_, stamp_ns, options_);
-  stamp_ns_ = stamp_ns;
+void CpuMapper::GrowVariances(const Scan& scan) {
+  const double way_m = (scan.T_O_B.translation() - T_O_B_.translation()).norm();
+  const float growth_m2 = GrowthOver(stamp_ns_, scan.stamp_ns, way_m, options_);
+  stamp_ns_ = scan.stamp_ns;
+  T_O_B_ = scan.T_O_B;
   if (growth_m2 == 0.0f) return;
   for (float& variance_m2 : layers_.variance_m2) {
     // Zero says unknown here: a known cell has at least the floor, which is above zero.
@@ -239,7 +240,7 @@ void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
     ray_z_m_[num_rays_] = beam.z_m;
     num_rays_ += RayCounts(beam.fate) ? 1 : 0;  // else the next point takes its place
     if (beam.fate != PointFate::kInWindow) continue;
-    hits_.push_back({{ElevationOf(frame_, beam), VarianceOf(frame_, p_S, beam)}, p_S.rgba});
+    hits_.push_back({{ElevationOf(frame_, beam), SensorVarianceOf(frame_, p_S, beam)}, p_S.rgba});
     hit_cell_.push_back(static_cast<std::uint32_t>(beam.row * window_.side_cells() + beam.column));
   }
   report.points = points.size();
@@ -278,7 +279,8 @@ FuseOutcome CpuMapper::FuseInto(Place place) {
     cell = UnpackCell({layers_.elevation_m[slot], layers_.variance_m2[slot]}, layers_.rgba[slot]);
   }
   const FuseOutcome outcome =
-      FuseCell(cell, &sorted_hits_[hits.begin], hits.count, IsFree(slot), limits_);
+      FuseCell(cell, &sorted_hits_[hits.begin], hits.count, IsFree(slot),
+               PoseVarianceOfCell(frame_, place.column, place.row), limits_);
   layers_.elevation_m[slot] = cell.height.elevation_m;
   layers_.variance_m2[slot] = cell.height.variance_m2;
   layers_.rgba[slot] = PackColor(cell);

@@ -18,7 +18,7 @@ struct Height {
 
 /// A point of the scan over a cell.
 struct Hit {
-  Height height;
+  Height height;  ///< variance: of the sensor alone
   Rgba rgba = 0;
 };
 
@@ -43,15 +43,6 @@ struct CellFusion {
 };
 
 GEM_HOST_DEVICE inline bool HasColor(Rgba rgba) { return (rgba >> 24) != 0; }
-
-/// Eq. (5) with the variance of the point as well: a noisy point is not an outlier. Compared in
-/// squares. The cell counts as no surer than the floor, also in the middle of a scan.
-GEM_HOST_DEVICE inline bool PassesGate(Height cell, Height z, const FuseLimits& limits) {
-  const float difference_m = z.elevation_m - cell.elevation_m;
-  const float cell_m2 =
-      cell.variance_m2 < limits.variance_m2_min ? limits.variance_m2_min : cell.variance_m2;
-  return difference_m * difference_m <= limits.gate2 * (cell_m2 + z.variance_m2);
-}
 
 /// Share of a measurement in the fused belief, from eq. (6). Two values that are both perfectly
 /// sure count alike.
@@ -81,20 +72,72 @@ GEM_HOST_DEVICE inline CellFusion BeginCell(const Hit& hit) {
   return cell;
 }
 
-/// Fuses a point that passed the gate into a known cell: height by eq. (6), colour by the same
+/// Fuses a point into what the scan says of the cell so far: height by eq. (6), colour by the same
 /// gain.
-GEM_HOST_DEVICE inline CellFusion FuseHit(CellFusion cell, const Hit& hit) {
+GEM_HOST_DEVICE inline CellFusion FuseHit(CellFusion scan, const Hit& hit) {
+  if (!scan.known) return BeginCell(hit);
   if (HasColor(hit.rgba)) {
     const CellFusion alone = BeginCell(hit);
-    // The first colour of a cell has nothing to be averaged with.
-    const float gain = cell.colored ? GainOf(cell.height, hit.height) : 1.0f;
-    cell.red += gain * (alone.red - cell.red);
-    cell.green += gain * (alone.green - cell.green);
-    cell.blue += gain * (alone.blue - cell.blue);
-    cell.colored = true;
+    // The first colour has nothing to be averaged with.
+    const float gain = scan.colored ? GainOf(scan.height, hit.height) : 1.0f;
+    scan.red += gain * (alone.red - scan.red);
+    scan.green += gain * (alone.green - scan.green);
+    scan.blue += gain * (alone.blue - scan.blue);
+    scan.colored = true;
   }
-  cell.height = FuseHeight(cell.height, hit.height);
-  return cell;
+  scan.height = FuseHeight(scan.height, hit.height);
+  return scan;
+}
+
+/// A cell in the middle of a scan. All points of a scan share the error of the pose (Sigma_phi of
+/// eq. (4)), which therefore does not average out over them: they are fused among themselves first,
+/// by the sensor's variance, and what they say together is fused with the prior once. Without an
+/// error of the pose this is eq. (6), point by point.
+struct ScanFusion {
+  CellFusion prior;     ///< unknown: the scan decides alone
+  CellFusion scan;      ///< variance: of the sensor alone; unknown before the first point
+  float pose_m2 = 0.0;  ///< variance that the pose adds at this cell
+
+  /// Share of the scan in the belief.
+  GEM_HOST_DEVICE float Gain() const {
+    if (!scan.known) return 0.0f;
+    if (!prior.known) return 1.0f;
+    return GainOf(prior.height, {0, scan.height.variance_m2 + pose_m2});
+  }
+};
+
+/// Eq. (5) with the variance of the point as well: a noisy point is not an outlier. Compared in
+/// squares. The cell counts as no surer than the floor, also in the middle of a scan. In so far as
+/// the belief comes from this scan, the error of the pose is the point's as well and cancels.
+GEM_HOST_DEVICE inline bool PassesGate(const ScanFusion& cell, Height z, const FuseLimits& limits) {
+  const float gain = cell.Gain(), rest = 1.0f - gain;
+  const float prior_m = cell.prior.height.elevation_m;
+  const float difference_m =
+      z.elevation_m - (prior_m + gain * (cell.scan.height.elevation_m - prior_m));
+  float cell_m2 = rest * rest * (cell.prior.height.variance_m2 + cell.pose_m2) +
+                  gain * gain * cell.scan.height.variance_m2;
+  if (cell_m2 < limits.variance_m2_min) cell_m2 = limits.variance_m2_min;
+  return difference_m * difference_m <= limits.gate2 * (cell_m2 + z.variance_m2);
+}
+
+/// The belief after the scan's last point.
+GEM_HOST_DEVICE inline CellFusion FuseScanInto(const ScanFusion& cell) {
+  CellFusion fused = cell.prior;
+  if (!cell.scan.known) return fused;
+  const float scan_m2 = cell.scan.height.variance_m2 + cell.pose_m2;
+  if (!cell.prior.known) {
+    fused = cell.scan;
+    fused.height.variance_m2 = scan_m2;
+    return fused;
+  }
+  fused.height = FuseHeight(fused.height, {cell.scan.height.elevation_m, scan_m2});
+  if (!cell.scan.colored) return fused;
+  const float gain = fused.colored ? cell.Gain() : 1.0f;
+  fused.red += gain * (cell.scan.red - fused.red);
+  fused.green += gain * (cell.scan.green - fused.green);
+  fused.blue += gain * (cell.scan.blue - fused.blue);
+  fused.colored = true;
+  return fused;
 }
 
 GEM_HOST_DEVICE inline Rgba PackColor(const CellFusion& cell) {
@@ -119,11 +162,14 @@ GEM_HOST_DEVICE inline float GrowVariance(float variance_m2, float growth_m2,
   return grown_m2 > limits.variance_m2_max ? limits.variance_m2_max : grown_m2;
 }
 
-/// Growth of every cell's variance from one scan to the next, m^2.
-inline float GrowthOver(std::int64_t from_ns, std::int64_t to_ns, const LocalMapOptions& options) {
+/// Growth of every cell's variance from one scan to the next, m^2: the world changes with time, and
+/// odometry drifts with the way.
+inline float GrowthOver(std::int64_t from_ns, std::int64_t to_ns, double way_m,
+                        const LocalMapOptions& options) {
   // In double: the difference of two stamps of unknown origin may not fit an int64.
   const double seconds = (static_cast<double>(to_ns) - static_cast<double>(from_ns)) * 1e-9;
-  return static_cast<float>(options.variance_growth_m2_per_s * (seconds > 0 ? seconds : 0));
+  return static_cast<float>(options.variance_growth_m2_per_s * (seconds > 0 ? seconds : 0) +
+                            options.variance_growth_m2_per_m * way_m);
 }
 
 /// What one scan did to one cell.
@@ -137,19 +183,21 @@ struct FuseOutcome {
 /// Fuses one scan's points over one cell, in their order. The highest (the first of equals) is
 /// tested first: above the gate, the cell restarts from it, as an unknown cell begins from it;
 /// below the gate, a traversable cell was not seen where it is believed and becomes less sure. Then
-/// every other point that passes is fused. The floor is applied once, after the last point: within
-/// a scan points are averaged by eq. (6) as it stands.
+/// every other point that passes is fused. The floor is applied once, after the last point.
+/// pose_m2: variance that the pose adds at this cell.
 GEM_HOST_DEVICE inline FuseOutcome FuseCell(CellFusion& cell, const Hit* hits, std::uint32_t count,
-                                            bool traversable, const FuseLimits& limits) {
+                                            bool traversable, float pose_m2,
+                                            const FuseLimits& limits) {
   FuseOutcome outcome;
   std::uint32_t highest = 0;
   for (std::uint32_t i = 1; i < count; ++i) {
     if (hits[i].height.elevation_m > hits[highest].height.elevation_m) highest = i;
   }
+  ScanFusion fusion{cell, CellFusion(), pose_m2};
   std::uint32_t begun_from = count;
   if (!cell.known) {
     begun_from = highest;
-  } else if (!PassesGate(cell.height, hits[highest].height, limits)) {
+  } else if (!PassesGate(fusion, hits[highest].height, limits)) {
     if (hits[highest].height.elevation_m > cell.height.elevation_m) {
       begun_from = highest;
       outcome.restarted = true;
@@ -158,18 +206,20 @@ GEM_HOST_DEVICE inline FuseOutcome FuseCell(CellFusion& cell, const Hit* hits, s
     }
   }
   if (begun_from != count) {
-    cell = BeginCell(hits[begun_from]);
+    fusion.prior = CellFusion();
+    fusion.scan = BeginCell(hits[begun_from]);
     outcome.fused = 1;
   }
   for (std::uint32_t i = 0; i < count; ++i) {
     if (i == begun_from) continue;  // it is in the cell already
-    if (PassesGate(cell.height, hits[i].height, limits)) {
-      cell = FuseHit(cell, hits[i]);
+    if (PassesGate(fusion, hits[i].height, limits)) {
+      fusion.scan = FuseHit(fusion.scan, hits[i]);
       ++outcome.fused;
     } else {
       ++outcome.gated;
     }
   }
+  cell = FuseScanInto(fusion);
   const float inflation = outcome.inflated ? limits.below_gate_inflation : 1.0f;
   cell.height.variance_m2 =
       ClampVariance(ClampVariance(cell.height.variance_m2, limits) * inflation, limits);

@@ -78,6 +78,7 @@ absl::Status ValidateFusing(const LocalMapOptions& options) {
   GEM_RETURN_IF_ERROR(
       InOpen("variance_m2_min", options.variance_m2_min, 0, options.variance_m2_max));
   GEM_RETURN_IF_ERROR(InClosed("variance_growth_m2_per_s", options.variance_growth_m2_per_s, 0, 1));
+  GEM_RETURN_IF_ERROR(InClosed("variance_growth_m2_per_m", options.variance_growth_m2_per_m, 0, 1));
   return InClosed("below_gate_inflation", options.below_gate_inflation, 1, 1000);
 }
 

@@ -44,6 +44,9 @@ struct LocalMapOptions {
   float variance_m2_max = 1.0f;
   /// Growth of the variance with the time since the last observation, m^2/s. Range [0, 1].
   float variance_growth_m2_per_s = 1e-5f;
+  /// Growth of the variance with the robot's way since the last observation, m^2/m: odometry drifts
+  /// in height, by 3 mm in a metre and 1 cm in ten. Range [0, 1].
+  float variance_growth_m2_per_m = 1e-5f;
   /// Factor on the variance of a traversable cell whose highest point of a scan lies below the
   /// gate: ground that sank is learnt again after a few scans. Range [1, 1000].
   float below_gate_inflation = 4.0f;

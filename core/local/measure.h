@@ -120,20 +120,30 @@ GEM_HOST_DEVICE inline float ElevationOf(const ScanFrame& frame, const Beam& bea
   return frame.sensor_z_m + beam.z_m;
 }
 
-/// Eq. (4): variance of the point's elevation, m^2. For e = z of T_O_B * p_B and a perturbation
-/// R_OB (I + phi^x) with phi in B, J_phi = -n [p_B]x, where n is the z row of R_OB. With
-/// q = R_OB p_B, the point over the base in the axes of O, this is (q_y, -q_x, 0) R_OB: two
-/// coordinates and the horizontal block of R_OB Sigma_phi R_OB^T are all it takes.
-GEM_HOST_DEVICE inline float VarianceOf(const ScanFrame& frame, const ScanPoint& p_S,
-                                        const Beam& beam) {
+/// First term of eq. (4): what the sensor adds to the variance of the point's elevation, m^2.
+GEM_HOST_DEVICE inline float SensorVarianceOf(const ScanFrame& frame, const ScanPoint& p_S,
+                                              const Beam& beam) {
   const auto& a = frame.R_OS[2];  // J_r, eq. (2)
-  const float sensor_m2 =
-      VarianceAlong(frame.noise, a[0], a[1], a[2], p_S.x_m, p_S.y_m, p_S.z_m, beam.range_m);
-  const float q_x = frame.sensor_x_m - frame.base_x_m + beam.x_m;
-  const float q_y = frame.sensor_y_m - frame.base_y_m + beam.y_m;
-  const float rotation_m2 = q_y * q_y * frame.phi_xx_rad2 - 2.0f * q_x * q_y * frame.phi_xy_rad2 +
-                            q_x * q_x * frame.phi_yy_rad2;
-  return sensor_m2 + rotation_m2;
+  return VarianceAlong(frame.noise, a[0], a[1], a[2], p_S.x_m, p_S.y_m, p_S.z_m, beam.range_m);
+}
+
+/// Second term of eq. (4): what Sigma_phi adds at a place of the window, metres from its lower left
+/// corner, m^2. For e = z of T_O_B * p_B and a perturbation R_OB (I + phi^x) with phi in B,
+/// J_phi = -n [p_B]x, where n is the z row of R_OB. With q = R_OB p_B, the place over the base in
+/// the axes of O, this is (q_y, -q_x, 0) R_OB: two coordinates and the horizontal block of
+/// R_OB Sigma_phi R_OB^T are all it takes.
+GEM_HOST_DEVICE inline float PoseVarianceAt(const ScanFrame& frame, float x_m, float y_m) {
+  const float q_x = x_m - frame.base_x_m;
+  const float q_y = y_m - frame.base_y_m;
+  return q_y * q_y * frame.phi_xx_rad2 - 2.0f * q_x * q_y * frame.phi_xy_rad2 +
+         q_x * q_x * frame.phi_yy_rad2;
+}
+/// The same in the middle of a cell: one value for all points of the scan in it, which share the
+/// error.
+GEM_HOST_DEVICE inline float PoseVarianceOfCell(const ScanFrame& frame, std::int32_t column,
+                                                std::int32_t row) {
+  return PoseVarianceAt(frame, (static_cast<float>(column) + 0.5f) * frame.cell_size_m,
+                        (static_cast<float>(row) + 0.5f) * frame.cell_size_m);
 }
 
 }  // namespace gem

@@ -34,7 +34,7 @@ class ReferenceMapper final : public LocalMapper {
     ScanReport report;
     Stopwatch stopwatch;
     Move(scan, evicted, report);
-    GrowVariances(scan.stamp_ns);
+    GrowVariances(scan);
     report.seconds.move = stopwatch.Lap();
     Measure(scan, report);
     report.seconds.measure = stopwatch.Lap();
@@ -68,7 +68,7 @@ class ReferenceMapper final : public LocalMapper {
 
   std::uint64_t EvictOutside(CellRect kept, std::vector<EvictedCell>& evicted);
   void Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanReport& report);
-  void GrowVariances(std::int64_t stamp_ns);
+  void GrowVariances(const Scan& scan);
   void Measure(const Scan& scan, ScanReport& report);
   void Fuse(ScanReport& report);
   FuseOutcome FuseInto(std::size_t index);
@@ -136,13 +136,14 @@ void ReferenceMapper::Move(const Scan& scan, std::vector<EvictedCell>& evicted,
   cells_ = moved;
   origin_ = origin;
   seq_ = scan.seq;
-  T_O_B_ = scan.T_O_B;
   frame_ = MakeScanFrame(scan, origin_, options_);
 }
 
-void ReferenceMapper::GrowVariances(std::int64_t stamp_ns) {
-  const float growth_m2 = GrowthOver(stamp_ns_, stamp_ns, options_);
-  stamp_ns_ = stamp_ns;
+void ReferenceMapper::GrowVariances(const Scan& scan) {
+  const double way_m = (scan.T_O_B.translation() - T_O_B_.translation()).norm();
+  const float growth_m2 = GrowthOver(stamp_ns_, scan.stamp_ns, way_m, options_);
+  stamp_ns_ = scan.stamp_ns;
+  T_O_B_ = scan.T_O_B;
   for (Cell& cell : cells_) {
     if (!cell.belief.known()) continue;
     cell.belief.variance_m2 = GrowVariance(cell.belief.variance_m2, growth_m2, limits_);
@@ -172,7 +173,7 @@ void ReferenceMapper::Measure(const Scan& scan, ScanReport& report) {
         break;
       case PointFate::kInWindow:
         hits_[IndexAt(beam.column, beam.row)].push_back(
-            {{ElevationOf(frame_, beam), VarianceOf(frame_, p_S, beam)}, p_S.rgba});
+            {{ElevationOf(frame_, beam), SensorVarianceOf(frame_, p_S, beam)}, p_S.rgba});
         break;
     }
   }
@@ -182,10 +183,13 @@ FuseOutcome ReferenceMapper::FuseInto(std::size_t index) {
   Cell& cell = cells_[index];
   CellBelief& belief = cell.belief;
   const std::vector<Hit>& hits = hits_[index];
+  const auto column = static_cast<std::int32_t>(index % static_cast<std::size_t>(side_cells_));
+  const auto row = static_cast<std::int32_t>(index / static_cast<std::size_t>(side_cells_));
   CellFusion fusion;
   if (belief.known()) fusion = UnpackCell({belief.elevation_m, belief.variance_m2}, belief.rgba);
   const FuseOutcome outcome =
-      FuseCell(fusion, hits.data(), static_cast<std::uint32_t>(hits.size()), IsFree(cell), limits_);
+      FuseCell(fusion, hits.data(), static_cast<std::uint32_t>(hits.size()), IsFree(cell),
+               PoseVarianceOfCell(frame_, column, row), limits_);
   belief.elevation_m = fusion.height.elevation_m;
   belief.variance_m2 = fusion.height.variance_m2;
   belief.rgba = PackColor(fusion);

@@ -8,11 +8,13 @@
 
 namespace gem {
 
-/// Sigma_r = lateral^2 * I + (axial^2 - lateral^2) * d * d^T, where d is the beam's direction
-/// (LiDAR) or the optical axis z of S (cameras), and the sigmas are polynomials of u: the range
-/// (LiDAR) or the depth z (cameras).
+/// LiDAR (along_beam): Sigma_r = lateral^2 (I - d d^T) + axial^2 d d^T with d the beam's direction;
+/// the sigmas are polynomials of u, the range.
+/// Cameras: a point is z (x/z, y/z, 1), so an error of the depth z moves it along its ray and one
+/// of the pixel moves it parallel to the image: Sigma_r = lateral^2 (I - c c^T) + axial^2 r r^T /
+/// z^2 with r the point and c the optical axis z of S; the sigmas are polynomials of u, the depth.
 struct NoiseModel {
-  bool along_beam = true;        ///< true: u = range, d = beam; false: u = z_S, d = z axis of S
+  bool along_beam = true;        ///< true: u = range (LiDAR); false: u = z_S (cameras)
   float axial_m[3] = {0, 0, 0};  ///< sigma_axial(u) = a0 + a1 u + a2 u^2
   float lateral_m[2] = {0, 0};   ///< sigma_lateral(u) = l0 + l1 u
 };
@@ -49,11 +51,11 @@ GEM_HOST_DEVICE inline float VarianceAlong(const NoiseModel& noise, float ax, fl
   const float u = noise.along_beam ? range_m : rz;
   const float axial = noise.axial_m[0] + u * (noise.axial_m[1] + u * noise.axial_m[2]);
   const float lateral = noise.lateral_m[0] + u * noise.lateral_m[1];
-  // A beam of zero length has no direction: its error is taken as lateral in all directions.
-  const float dot =
-      noise.along_beam ? (range_m > 0 ? (ax * rx + ay * ry + az * rz) / range_m : 0.0f) : az;
-  const float lateral2 = lateral * lateral;
-  return lateral2 + (axial * axial - lateral2) * (dot * dot);
+  // A beam of zero length has no direction, and nothing is seen at depth zero: then the error is
+  // taken as lateral in all directions.
+  const float along = u > 0 ? (ax * rx + ay * ry + az * rz) / u : 0.0f;
+  const float across2 = 1.0f - (noise.along_beam ? along * along : az * az);
+  return lateral * lateral * (u > 0 ? across2 : 1.0f) + axial * axial * (along * along);
 }
 
 }  // namespace gem

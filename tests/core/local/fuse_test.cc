@@ -18,8 +18,8 @@ CellFusion Known(float elevation_m, float variance_m2) {
 
 // Not inlined: g++ 12 sees out-of-bounds reads in vectors of one where there are none.
 [[gnu::noinline]] FuseOutcome Fuse(CellFusion& cell, const std::vector<Hit>& hits,
-                                   bool traversable = false) {
-  return FuseCell(cell, hits.data(), static_cast<std::uint32_t>(hits.size()), traversable,
+                                   bool traversable = false, float pose_m2 = 0) {
+  return FuseCell(cell, hits.data(), static_cast<std::uint32_t>(hits.size()), traversable, pose_m2,
                   Limits());
 }
 
@@ -42,18 +42,51 @@ TEST(FuseHeight, TwoPerfectHeightsMeetInTheMiddle) {
   EXPECT_EQ(fused.variance_m2, 0.0f);
 }
 
+// A cell before the scan's first point has passed.
+bool Passes(Height cell, Height z, const FuseLimits& limits, float pose_m2 = 0) {
+  return PassesGate(ScanFusion{UnpackCell(cell, 0), CellFusion(), pose_m2}, z, limits);
+}
+
 TEST(Gate, AddsTheVariancesOfCellAndPoint) {
   // sqrt(0.0016 + 0.0009) = 0.05: three sigmas are 0.15 m.
-  EXPECT_TRUE(PassesGate({1, 0.0016f}, {1.149f, 0.0009f}, Limits()));
-  EXPECT_FALSE(PassesGate({1, 0.0016f}, {1.151f, 0.0009f}, Limits()));
-  EXPECT_TRUE(PassesGate({1, 0.0016f}, {0.851f, 0.0009f}, Limits()));
-  EXPECT_FALSE(PassesGate({1, 0.0016f}, {0.849f, 0.0009f}, Limits()));
+  EXPECT_TRUE(Passes({1, 0.0016f}, {1.149f, 0.0009f}, Limits()));
+  EXPECT_FALSE(Passes({1, 0.0016f}, {1.151f, 0.0009f}, Limits()));
+  EXPECT_TRUE(Passes({1, 0.0016f}, {0.851f, 0.0009f}, Limits()));
+  EXPECT_FALSE(Passes({1, 0.0016f}, {0.849f, 0.0009f}, Limits()));
 }
 
 TEST(Gate, TakesNoCellForSurerThanTheFloor) {
   // With the floor of 1e-4 m^2 three sigmas are 0.03 m.
-  EXPECT_TRUE(PassesGate({1, 0}, {1.0299f, 0}, Limits()));
-  EXPECT_FALSE(PassesGate({1, 0}, {1.0301f, 0}, Limits()));
+  EXPECT_TRUE(Passes({1, 0}, {1.0299f, 0}, Limits()));
+  EXPECT_FALSE(Passes({1, 0}, {1.0301f, 0}, Limits()));
+}
+
+TEST(Gate, AddsTheErrorOfThePose) {
+  // sqrt(0.0016 + 0.0009 + 0.0075) = 0.1: three sigmas are 0.3 m.
+  EXPECT_TRUE(Passes({1, 0.0016f}, {1.299f, 0.0009f}, Limits(), 0.0075f));
+  EXPECT_FALSE(Passes({1, 0.0016f}, {1.301f, 0.0009f}, Limits(), 0.0075f));
+}
+
+TEST(Gate, TheErrorOfThePoseCancelsWithinAScan) {
+  // The cell comes from this scan alone, so the unsure pose lifts both points alike.
+  const CellFusion scan = UnpackCell({1, 1e-4f}, 0);
+  const ScanFusion cell{CellFusion(), scan, /*pose_m2=*/1.0f};
+  EXPECT_TRUE(PassesGate(cell, {1.042f, 1e-4f}, Limits()));
+  EXPECT_FALSE(PassesGate(cell, {1.043f, 1e-4f}, Limits()));
+}
+
+TEST(FuseCell, ManyPointsOfAnUnsurePoseWeighNoMoreThanThePose) {
+  // A hundred points of 1e-6 m^2 from a pose that is as unsure as the cell meet it in the middle.
+  CellFusion cell = Known(1, 0.01f);
+  Fuse(cell, std::vector<Hit>(100, Hit{{1.1f, 1e-6f}}), true, 0.01f);
+  EXPECT_NEAR(cell.height.elevation_m, 1.05, 1e-4);
+  EXPECT_NEAR(cell.height.variance_m2, 0.005, 1e-6);
+}
+
+TEST(FuseCell, WithoutAPriorThePoseAddsItsVarianceOnce) {
+  CellFusion cell;
+  Fuse(cell, {{{1.0f, 0.02f}}, {{1.0f, 0.02f}}}, false, 0.04f);
+  EXPECT_FLOAT_EQ(cell.height.variance_m2, 0.05f);  // 0.02 / 2 + 0.04
 }
 
 TEST(FuseCell, AnUnknownCellBeginsFromTheHighestPoint) {
@@ -140,6 +173,13 @@ TEST(Color, IsAveragedByVariance) {
   EXPECT_EQ(PackColor(cell), 0xffbf0040u);
 }
 
+TEST(Color, OfAScanIsAveragedWithThePriorByVariance) {
+  CellFusion cell = UnpackCell({1, 0.03f}, kRed);
+  Fuse(cell, {{{1.0f, 0.02f}, kBlue}, {{1.0f, 0.02f}, kBlue}});
+  // The scan's variance is 0.01: gain 0.75.
+  EXPECT_EQ(PackColor(cell), 0xffbf0040u);
+}
+
 TEST(Color, UncoloredPointsLeaveItAlone) {
   CellFusion cell = UnpackCell({1, 0.01f}, kRed);
   Fuse(cell, {{{1.0f, 0.01f}, 0}});
@@ -158,10 +198,18 @@ TEST(Color, ARestartForgetsIt) {
   EXPECT_EQ(PackColor(cell), 0u);
 }
 
+TEST(Growth, IsRateTimesTheWay) {
+  LocalMapOptions options;
+  options.variance_growth_m2_per_s = 0;
+  options.variance_growth_m2_per_m = 2e-3f;
+  EXPECT_FLOAT_EQ(GrowthOver(0, 1'000'000'000, 1.5, options), 3e-3f);
+}
+
 TEST(Growth, IsRateTimesTimeUpToTheCap) {
   LocalMapOptions options;
   options.variance_growth_m2_per_s = 1e-3f;
-  EXPECT_FLOAT_EQ(GrowthOver(1'000'000'000, 3'500'000'000, options), 2.5e-3f);
+  options.variance_growth_m2_per_m = 0;
+  EXPECT_FLOAT_EQ(GrowthOver(1'000'000'000, 3'500'000'000, 100, options), 2.5e-3f);
   EXPECT_FLOAT_EQ(GrowVariance(1e-3f, 2.5e-3f, Limits()), 3.5e-3f);
   EXPECT_EQ(GrowVariance(0.9f, 0.2f, Limits()), 1.0f);
 }

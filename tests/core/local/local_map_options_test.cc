@@ -40,6 +40,8 @@ TEST(LocalMapOptions, NamesFieldValueAndRange) {
             "local_map.variance_m2_min is 2, want (0, 1)");
   EXPECT_EQ(ErrorAfter([](auto& o) { o.variance_growth_m2_per_s = -1; }),
             "local_map.variance_growth_m2_per_s is -1, want [0, 1]");
+  EXPECT_EQ(ErrorAfter([](auto& o) { o.variance_growth_m2_per_m = 2; }),
+            "local_map.variance_growth_m2_per_m is 2, want [0, 1]");
   EXPECT_EQ(ErrorAfter([](auto& o) { o.below_gate_inflation = 0.5f; }),
             "local_map.below_gate_inflation is 0.5, want [1, 1000]");
   EXPECT_EQ(ErrorAfter([](auto& o) { o.slope_weight = 2; }),
@@ -60,16 +62,24 @@ TEST(LocalMapOptions, NamesFieldValueAndRange) {
 
 TEST(LocalMapOptions, RefusesNanEverywhere) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  float LocalMapOptions::*const fields[] = {
-      &LocalMapOptions::cell_size_m,          &LocalMapOptions::side_m,
-      &LocalMapOptions::range_m_min,          &LocalMapOptions::range_m_max,
-      &LocalMapOptions::height_m_min,         &LocalMapOptions::height_m_max,
-      &LocalMapOptions::gate_sigmas,          &LocalMapOptions::variance_m2_min,
-      &LocalMapOptions::variance_m2_max,      &LocalMapOptions::variance_growth_m2_per_s,
-      &LocalMapOptions::below_gate_inflation, &LocalMapOptions::slope_weight,
-      &LocalMapOptions::roughness_weight,     &LocalMapOptions::slope_critical_rad,
-      &LocalMapOptions::roughness_critical_m, &LocalMapOptions::traversability_free,
-      &LocalMapOptions::clear_sigmas};
+  float LocalMapOptions::*const fields[] = {&LocalMapOptions::cell_size_m,
+                                            &LocalMapOptions::side_m,
+                                            &LocalMapOptions::range_m_min,
+                                            &LocalMapOptions::range_m_max,
+                                            &LocalMapOptions::height_m_min,
+                                            &LocalMapOptions::height_m_max,
+                                            &LocalMapOptions::gate_sigmas,
+                                            &LocalMapOptions::variance_m2_min,
+                                            &LocalMapOptions::variance_m2_max,
+                                            &LocalMapOptions::variance_growth_m2_per_s,
+                                            &LocalMapOptions::variance_growth_m2_per_m,
+                                            &LocalMapOptions::below_gate_inflation,
+                                            &LocalMapOptions::slope_weight,
+                                            &LocalMapOptions::roughness_weight,
+                                            &LocalMapOptions::slope_critical_rad,
+                                            &LocalMapOptions::roughness_critical_m,
+                                            &LocalMapOptions::traversability_free,
+                                            &LocalMapOptions::clear_sigmas};
   for (const auto field : fields) {
     EXPECT_FALSE(Validate([&] {
                    LocalMapOptions options;

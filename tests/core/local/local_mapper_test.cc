@@ -23,6 +23,7 @@ class LocalMapperTest : public ::testing::TestWithParam<LocalBackend> {
   LocalMapperTest() {
     options_.range_m_min = 0;
     options_.variance_growth_m2_per_s = 0;
+    options_.variance_growth_m2_per_m = 0;
     MakeAgain();
   }
   void MakeAgain() { mapper_ = *MakeLocalMapper(GetParam(), options_); }

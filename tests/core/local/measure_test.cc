@@ -107,6 +107,12 @@ TEST(Measure, FarOutCoordinatesKeepTheirPrecision) {
   }
 }
 
+// Eq. (4) whole, at the point itself.
+float VarianceOf(const ScanFrame& frame, const ScanPoint& p_S, const Beam& beam) {
+  return SensorVarianceOf(frame, p_S, beam) +
+         PoseVarianceAt(frame, frame.sensor_x_m + beam.x_m, frame.sensor_y_m + beam.y_m);
+}
+
 TEST(Variance, OfAHorizontalBeamIsTheLateralOne) {
   const ScanFrame frame = FrameOf(TurnedScan(), LocalMapOptions());
   const ScanPoint p_S{3, 0, 0, 0};
@@ -130,6 +136,14 @@ TEST(Variance, OfAPitchErrorGrowsWithTheDistanceFromTheBaseNotFromTheSensor) {
   const double rotation_m2 = 3.5 * 3.5 * 1e-4;
   const float sensor_m2 = VarianceAlong(scan.noise, 0, 0, 1, 3, 1, -1, beam.range_m);
   EXPECT_NEAR(VarianceOf(frame, p_S, beam), sensor_m2 + rotation_m2, 1e-8);
+}
+
+TEST(Variance, OfThePoseIsTakenInTheMiddleOfACell) {
+  Scan scan = TurnedScan();
+  scan.rotation_covariance_rad2.diagonal() << 1e-4, 2e-4, 0;
+  const ScanFrame frame = FrameOf(scan, LocalMapOptions());
+  EXPECT_EQ(PoseVarianceOfCell(frame, 7, 3),
+            PoseVarianceAt(frame, 7.5f * frame.cell_size_m, 3.5f * frame.cell_size_m));
 }
 
 // The derivative of eq. (3), taken numerically on a tilted robot with a tilted sensor.

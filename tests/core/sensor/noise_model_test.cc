@@ -32,7 +32,14 @@ TEST(StereoNoise, GrowsWithTheSquareOfTheDepth) {
   EXPECT_FLOAT_EQ(VarianceAlong(noise, 0, 0, 1, 0, 0, 5, 5), 0.0625f);
   EXPECT_FLOAT_EQ(VarianceAlong(noise, 0, 0, 1, 0, 0, 10, 10), 1.0f);
   // Across, half a pixel: 5 m * 0.5 / 500 = 0.005 m. The depth counts, not the range.
-  EXPECT_FLOAT_EQ(VarianceAlong(noise, 1, 0, 0, 12, 0, 5, 13), 2.5e-5f);
+  EXPECT_FLOAT_EQ(VarianceAlong(noise, 1, 0, 0, 0, 3, 5, 5.83f), 2.5e-5f);
+}
+
+// An error of the depth moves a point along its ray, so ground that a level camera looks down on
+// errs in height: 10 m ahead and 2 m below, sigma_z = 1 m is 0.2 m of height.
+TEST(StereoNoise, OfADepthMovesThePointAlongItsRay) {
+  const NoiseModel noise = *MakeNoiseModel(StereoNoise{.focal_length_px = 500, .baseline_m = 0.1f});
+  EXPECT_NEAR(VarianceAlong(noise, 0, 1, 0, 0, 2, 10, 10.2f), 0.2 * 0.2 + 0.01 * 0.01, 1e-7);
 }
 
 TEST(DepthCameraNoise, IsAParabolaAboutItsBestDepth) {
