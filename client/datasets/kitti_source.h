@@ -30,7 +30,7 @@ struct KittiOptions {
   KittiPoseFrame pose_frame = KittiPoseFrame::kAutomatic;
   /// Colours the points: directory with a PNG for each scan, of the scan's name; image_0 to
   /// image_3, the cameras that P0 to P3 of calib.txt describe. Needs Tr. Empty: no colours.
-  std::string color_images;
+  std::string color_images = {};
 };
 
 /// The base B is the velodyne itself: T_B_S is the identity. Not thread-safe.
