@@ -32,6 +32,8 @@ class CpuMapper final : public LocalMapper {
         limits_(FuseLimitsOf(options)),
         set_(WidestVectorSet()),
         window_(SideCells(options)),
+        inverse_of_side_((std::uint64_t{1} << 32) / static_cast<unsigned>(window_.side_cells()) +
+                         1),
         layers_(window_.num_cells()),
         hits_(window_.num_cells()),
         changed_(window_.num_cells()),
@@ -68,8 +70,10 @@ class CpuMapper final : public LocalMapper {
 
  private:
   Place PlaceOf(std::uint32_t index) const {
-    const auto side = static_cast<std::uint32_t>(window_.side_cells());
-    return {static_cast<std::int16_t>(index % side), static_cast<std::int16_t>(index / side)};
+    // Exact, as an index is below 2^20: a division would take longer than all the rest.
+    const auto row = static_cast<std::uint32_t>((index * inverse_of_side_) >> 32);
+    const std::uint32_t column = index - row * static_cast<std::uint32_t>(window_.side_cells());
+    return {static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)};
   }
   std::uint32_t IndexOf(Place place) const {
     return static_cast<std::uint32_t>(place.row * window_.side_cells() + place.column);
@@ -98,6 +102,7 @@ class CpuMapper final : public LocalMapper {
 
   // The map.
   RingWindow window_;
+  const std::uint64_t inverse_of_side_;  // times 2^32, rounded up
   Layers layers_;
   bool placed_ = false;
   std::uint64_t seq_ = 0;

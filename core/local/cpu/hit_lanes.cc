@@ -47,19 +47,18 @@ void HitLanes::Clear() {
   num_cells_ = num_long_ = 0;
 }
 
+// By window index, so that cells of a rank's neighbours are near in memory as well.
 void HitLanes::ListCells(std::span<MeasuredPart> parts) {
-  num_cells_ = 0;
-  for (const MeasuredPart& part : parts) {
-    for (std::size_t i = 0; i < part.num_touched; ++i) {
-      const std::uint32_t cell = part.touched[i];
-      if (rank_of_cell_[cell] != 0) continue;  // an earlier part touched it as well
-      rank_of_cell_[cell] = 1;
-      std::uint32_t count = 0;
-      for (const MeasuredPart& any : parts) count += any.count_of_cell[cell];
-      listed_[num_cells_] = cell;
-      listed_count_[num_cells_++] = count;
-    }
+  const auto size = static_cast<std::uint32_t>(rank_of_cell_.size());
+  std::size_t listed = 0;
+  for (std::uint32_t cell = 0; cell < size; ++cell) {
+    std::uint32_t count = parts[0].count_of_cell[cell];
+    for (std::size_t i = 1; i < parts.size(); ++i) count += parts[i].count_of_cell[cell];
+    listed_[listed] = cell;
+    listed_count_[listed] = count;
+    listed += count != 0 ? 1 : 0;  // else the next one takes the place
   }
+  num_cells_ = listed;
 }
 
 // Counting sort by descending number of hits.

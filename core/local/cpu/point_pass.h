@@ -16,8 +16,7 @@ namespace gem::cpu {
 
 /// A part of a scan's points, measured. Kept from scan to scan, so that nothing is allocated.
 struct MeasuredPart {
-  MeasuredPart(std::size_t num_cells, const RayBins& bins)
-      : rays(bins), count_of_cell(num_cells), touched(num_cells) {}
+  MeasuredPart(std::size_t num_cells, const RayBins& bins) : rays(bins), count_of_cell(num_cells) {}
 
   RayTable rays;
 
@@ -26,11 +25,9 @@ struct MeasuredPart {
   std::vector<std::uint32_t> cell;  ///< window index: row * side_cells + column
   std::vector<Height> height;       ///< variance: of the sensor alone
   std::vector<Rgba> rgba;
-  bool is_colored = false;  ///< some hit has a colour
+  bool is_colored = false;  ///< some point has a colour
 
   std::vector<std::uint32_t> count_of_cell;  ///< hits by window index; all zero between scans
-  std::vector<std::uint32_t> touched;        ///< cells with hits; the first num_touched
-  std::size_t num_touched = 0;
 
   std::array<std::uint32_t, 6> fates = {};  ///< points by PointFate
 };
