@@ -24,7 +24,7 @@ struct MapExportFlags {
 };
 
 absl::Status ExportMap(const MapExportFlags& flags) {
-  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer));
+  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer, GlobalMapLayers()));
   GEM_ASSIGN_OR_RETURN(const ExportFormat format, ParseExportFormat(flags.file.format));
   std::optional<Region> region;
   if (!flags.region.empty())
@@ -52,7 +52,7 @@ absl::Status ExportMap(const MapExportFlags& flags) {
 void AddExportCommand(CLI::App& app, std::function<absl::Status()>& run) {
   CLI::App* command = app.add_subcommand("export", "Write the global map to a file");
   const auto flags = std::make_shared<MapExportFlags>();
-  AddExportFlags(*command, flags->file);
+  AddExportFlags(*command, GlobalMapLayers(), flags->file);
   command->add_option("--map", flags->map, "Map to export")->capture_default_str();
   command
       ->add_option("--region", flags->region,

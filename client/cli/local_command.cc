@@ -24,7 +24,7 @@ struct LocalFlags {
 };
 
 absl::Status ExportLocalMap(const LocalFlags& flags) {
-  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer));
+  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer, LocalMapLayers()));
   GEM_ASSIGN_OR_RETURN(const ExportFormat format, ParseExportFormat(flags.file.format));
   const MapClient client(std::make_shared<const Connection>(ConnectionOptions{flags.file.server}));
   GEM_ASSIGN_OR_RETURN(LocalMap local, client.GetLocalMap(flags.robot, {LayersToRead(layer, format),
@@ -48,7 +48,7 @@ void AddLocalCommand(CLI::App& app, std::function<absl::Status()>& run) {
   CLI::App* command =
       app.add_subcommand("local", "Write the newest robocentric map of a robot to a file");
   const auto flags = std::make_shared<LocalFlags>();
-  AddExportFlags(*command, flags->file);
+  AddExportFlags(*command, LocalMapLayers(), flags->file);
   command->add_option("--robot", flags->robot, "Id of the robot")->capture_default_str();
   command->callback([flags, &run] { run = [flags] { return ExportLocalMap(*flags); }; });
 }

@@ -151,7 +151,7 @@ std::vector<Trial> Trials() {
   return {
       {.name = "hills, attitude sigma 2 mrad", .sigma_attitude_rad = 0.002, .aimed = true},
       {.name = "hills, attitude sigma 5 mrad", .sigma_attitude_rad = 0.005, .aimed = true},
-      {.name = "hills, exact attitude", .aimed = true},
+      {.name = "hills, exact attitude"},
       {.name = "flat ground, attitude sigma 5 mrad", .hills = false, .sigma_attitude_rad = 0.005},
       {.name = "flat ground, exact attitude", .hills = false}};
 }

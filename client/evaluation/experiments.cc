@@ -1,11 +1,18 @@
 #include "client/evaluation/calibration.h"
+#include "client/evaluation/consistency.h"
+#include "client/evaluation/cubes.h"
 #include "client/evaluation/experiment.h"
+#include "client/evaluation/timing.h"
 
 namespace gem::evaluation {
 
 const std::vector<Experiment>& Experiments() {
   static const auto* const kExperiments = new std::vector<Experiment>{
-      {"calibration", "is the map as sure as it is right? (normalised errors)", RunCalibration},
+      {"cubes", "Table I: height and distance errors of six cubes", &RunCubes},
+      {"timing", "Table II: time of the local mapper, stage by stage", &RunTiming},
+      {"consistency", "Fig. 12, 14-16: streets driven twice, with and without deformation",
+       &RunConsistency},
+      {"calibration", "is the map as sure as it is right? (normalised errors)", &RunCalibration},
   };
   return *kExperiments;
 }
