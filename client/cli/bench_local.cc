@@ -1,7 +1,6 @@
 #include "client/cli/bench_local.h"
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
 #include <limits>
 #include <memory>
@@ -9,12 +8,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/cli/bench_global.h"
 #include "client/datasets/kitti_source.h"
 #include "core/base/status_macros.h"
-#include "core/base/stopwatch.h"
 
 namespace gem::client {
 namespace {
+
+using evaluation::Distribution_ms;
+using evaluation::LocalBench;
 
 struct BenchFlags {
   KittiOptions kitti;
@@ -26,44 +28,6 @@ struct BenchFlags {
   bool json = false;
 };
 
-// The yardstick: memory is read, next to nothing is computed. Four sums, so that the pass does not
-// wait for the adder.
-float SumOf(std::span<const ScanPoint> points) {
-  float sums[4] = {};
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    sums[i & 3] += points[i].x_m + points[i].y_m + points[i].z_m;
-  }
-  return sums[0] + sums[1] + sums[2] + sums[3];
-}
-
-struct Samples_ms {
-  std::vector<double> read_pass, total, move, measure, fuse, annotate, clear;
-
-  void Add(double read_pass_s, const LocalStageSeconds& seconds) {
-    read_pass.push_back(read_pass_s * 1e3);
-    total.push_back(seconds.total() * 1e3);
-    move.push_back(seconds.move * 1e3);
-    measure.push_back(seconds.measure * 1e3);
-    fuse.push_back(seconds.fuse * 1e3);
-    annotate.push_back(seconds.annotate * 1e3);
-    clear.push_back(seconds.clear * 1e3);
-  }
-};
-
-LocalBench Summarise(const Samples_ms& samples, const std::vector<double>& points) {
-  LocalBench bench;
-  bench.num_scans = samples.total.size();
-  bench.points = static_cast<std::size_t>(DistributionOf(points).median);
-  bench.read_pass_ms = DistributionOf(samples.read_pass).median;
-  bench.total = DistributionOf(samples.total);
-  bench.move = DistributionOf(samples.move);
-  bench.measure = DistributionOf(samples.measure);
-  bench.fuse = DistributionOf(samples.fuse);
-  bench.annotate = DistributionOf(samples.annotate);
-  bench.clear = DistributionOf(samples.clear);
-  return bench;
-}
-
 absl::Status RunBench(BenchFlags flags) {
   // Accepted so that scripts need not know which backends have threads.
   if (flags.threads != 1) {
@@ -74,57 +38,12 @@ absl::Status RunBench(BenchFlags flags) {
   GEM_ASSIGN_OR_RETURN(flags.kitti.pose_frame, ParseKittiPoseFrame(flags.pose_frame));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<KittiSource> source, KittiSource::Open(flags.kitti));
   GEM_ASSIGN_OR_RETURN(const LocalBench bench,
-                       BenchLocal(*source, backend, flags.map, flags.num_scans_max));
+                       evaluation::BenchLocal(*source, backend, flags.map, flags.num_scans_max));
   std::fputs((flags.json ? BenchJson(bench) : BenchTable(bench)).c_str(), stdout);
   return absl::OkStatus();
 }
 
 }  // namespace
-
-Distribution_ms DistributionOf(std::vector<double> values_ms) {
-  if (values_ms.empty()) return {};
-  std::sort(values_ms.begin(), values_ms.end());
-  const auto at = [&](double fraction) {
-    return values_ms[static_cast<std::size_t>(fraction *
-                                              static_cast<double>(values_ms.size() - 1))];
-  };
-  return {at(0.5), at(0.95)};
-}
-
-absl::StatusOr<LocalBench> BenchLocal(ScanSource& source, LocalBackend backend,
-                                      const LocalMapOptions& options, std::size_t num_scans_max) {
-  GEM_ASSIGN_OR_RETURN(const std::unique_ptr<LocalMapper> mapper,
-                       MakeLocalMapper(backend, options));
-  SourceScan from;
-  Scan scan;
-  scan.T_B_S = source.T_B_S();
-  scan.noise = source.noise();
-  std::vector<EvictedCell> evicted;
-  Samples_ms samples;
-  std::vector<double> points;
-  volatile float consumed = 0;  // or the compiler would leave the read pass out
-  while (samples.total.size() < num_scans_max) {
-    GEM_ASSIGN_OR_RETURN(const bool has_scan, source.Next(from));
-    if (!has_scan) break;
-    ++scan.seq;
-    scan.stamp_ns = from.stamp_ns;
-    scan.T_O_B = from.T_O_B;
-    scan.points = from.points;
-    Stopwatch stopwatch;
-    consumed = SumOf(scan.points);
-    const double read_pass_s = stopwatch.Lap();
-    evicted.clear();
-    samples.Add(read_pass_s, mapper->FuseScan(scan, evicted).seconds);
-    points.push_back(static_cast<double>(scan.points.size()));
-  }
-  static_cast<void>(consumed);
-  if (points.empty()) return absl::NotFoundError(absl::StrCat(source.name(), " has no scans"));
-  LocalBench bench = Summarise(samples, points);
-  bench.backend = std::string(NameOf(backend));
-  const auto side_cells = static_cast<std::size_t>(SideCells(options));
-  bench.cells = side_cells * side_cells;
-  return bench;
-}
 
 std::string BenchJson(const LocalBench& bench) {
   return absl::StrFormat(
@@ -155,6 +74,7 @@ std::string BenchTable(const LocalBench& bench) {
 void AddBenchCommand(CLI::App& app, std::function<absl::Status()>& run) {
   CLI::App* bench = app.add_subcommand("bench", "Time parts of the system in this process");
   bench->require_subcommand(1);
+  AddBenchGlobalCommand(*bench, run);
   CLI::App* local = bench->add_subcommand(
       "local", "The local mapper over a KITTI directory: velodyne/*.bin, times.txt, poses");
   const auto flags = std::make_shared<BenchFlags>();

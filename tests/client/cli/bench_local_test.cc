@@ -5,55 +5,8 @@
 namespace gem::client {
 namespace {
 
-// Three scans of two points.
-class ShortSource : public ScanSource {
- public:
-  std::string name() const override { return "short"; }
-  std::size_t num_scans() const override { return 3; }
-  Pose<Base, Sensor> T_B_S() const override { return {}; }
-  NoiseModel noise() const override { return *MakeNoiseModel(LidarNoise()); }
-  absl::StatusOr<bool> Next(SourceScan& scan) override {
-    if (next_ == 3) return false;
-    scan.stamp_ns = ++next_;
-    scan.points = {{1, 0, 0, 0}, {0, 1, 0, 0}};
-    return true;
-  }
-
- private:
-  int next_ = 0;
-};
-
-TEST(BenchLocal, RunsOverEveryScanOrAsManyAsAsked) {
-  ShortSource all, some;
-  const auto bench = BenchLocal(all, LocalBackend::kCpu, LocalMapOptions(), 100);
-  ASSERT_TRUE(bench.ok()) << bench.status();
-  EXPECT_EQ(bench->num_scans, 3u);
-  EXPECT_EQ(bench->points, 2u);
-  EXPECT_EQ(bench->cells, 1600u);
-  EXPECT_GT(bench->total.median, 0);
-  EXPECT_EQ(BenchLocal(some, LocalBackend::kReference, LocalMapOptions(), 2)->num_scans, 2u);
-}
-
-TEST(BenchLocal, RefusesBadOptionsAndSourcesWithoutScans) {
-  ShortSource source;
-  LocalMapOptions options;
-  options.cell_size_m = 0;
-  EXPECT_EQ(BenchLocal(source, LocalBackend::kCpu, options, 1).status().code(),
-            absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(BenchLocal(source, LocalBackend::kCpu, LocalMapOptions(), 0).status().message(),
-            "short has no scans");
-}
-
-TEST(Distribution, TakesTheMedianAndThe95thPercentile) {
-  std::vector<double> values_ms;
-  for (int i = 100; i >= 0; --i) values_ms.push_back(i);
-  EXPECT_EQ(DistributionOf(values_ms).median, 50);
-  EXPECT_EQ(DistributionOf(values_ms).p95, 95);
-  EXPECT_EQ(DistributionOf({}).median, 0);
-}
-
 TEST(BenchJson, HasTheDocumentedFields) {
-  LocalBench bench;
+  evaluation::LocalBench bench;
   bench.backend = "cpu";
   bench.num_scans = 80;
   bench.points = 121000;
