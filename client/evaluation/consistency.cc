@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "client/evaluation/real_consistency.h"
 #include "client/evaluation/revisits.h"
+#include "client/evaluation/road_truth.h"
 #include "client/evaluation/submap_run.h"
 #include "client/evaluation/town_drive.h"
 #include "core/base/parallel_for.h"
@@ -25,8 +26,7 @@ constexpr double kGap_s = 60;
 constexpr float kCell_m = 0.2f;
 constexpr float kSubmap_m = 20;
 constexpr float kFinerSubmap_m = 10;
-constexpr float kSide_m = 12;      // the paper's for Fig. 15 and 16
-constexpr double kRoadHalf_m = 2;  // nothing but ground lies so near to the way
+constexpr float kSide_m = 12;  // the paper's for Fig. 15 and 16
 constexpr std::size_t kInventedScans = 4541;
 
 /// One way to make a map of the drive.
@@ -55,33 +55,6 @@ GlobalMapOptions MapOptions(bool merge, int threads) {
   if (!merge) options.merge_overlap_min = 1000;
   return options;
 }
-
-/// True heights of the road: of cells near the way.
-class RoadTruth {
- public:
-  explicit RoadTruth(const TownDrive& town) : town_(town) {
-    for (const Pose<Global, Base>& pose : town.drive.truth)
-      places_[PackedKey(CellAt(pose.translation().x(), pose.translation().y(), kSquare_m))]
-          .push_back(pose.translation().head<2>());
-  }
-  std::optional<double> operator()(double x_m, double y_m) const {
-    const CellIndex square = CellAt(x_m, y_m, kSquare_m);
-    for (int dy = -1; dy <= 1; ++dy)
-      for (int dx = -1; dx <= 1; ++dx) {
-        const auto it = places_.find(PackedKey({square.x + dx, square.y + dy}));
-        if (it == places_.end()) continue;
-        for (const Eigen::Vector2d& place_m : it->second)
-          if ((place_m - Eigen::Vector2d(x_m, y_m)).norm() < kRoadHalf_m)
-            return town_.town->ground().HeightAt(x_m, y_m);
-      }
-    return std::nullopt;
-  }
-
- private:
-  static constexpr double kSquare_m = kRoadHalf_m;
-  const TownDrive& town_;
-  absl::flat_hash_map<std::uint64_t, std::vector<Eigen::Vector2d>> places_;
-};
 
 struct Runs {
   std::unique_ptr<SubmapRecorder> odometry;

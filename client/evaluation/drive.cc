@@ -97,20 +97,6 @@ std::vector<Pose<Global, Base>> SpreadCorrection(const Drive& drive, double sigm
   return spread;
 }
 
-absl::StatusOr<Drive> LoadWithClosedTruth(const fs::path& dir, const fs::path& odometry) {
-  Drive drive;
-  GEM_ASSIGN_OR_RETURN(const auto T_C_B, ReadCameraFromVelodyne(dir / "kitti_gt" / "calib_00.txt"));
-  GEM_ASSIGN_OR_RETURN(drive.odometry, ReadPoses<Odom>(dir / odometry, T_C_B));
-  GEM_ASSIGN_OR_RETURN(drive.corrected,
-                       ReadPoses<Global>(dir / "kitti00_kissicp" / "00_loop_closed.txt", T_C_B));
-  drive.truth = drive.corrected;
-  GEM_ASSIGN_OR_RETURN(TimesFile times,
-                       ReadTimesFile((dir / "kitti_gt" / "times_00.txt").string()));
-  drive.stamps_ns = std::move(times.stamps_ns);
-  for (std::int64_t& stamp_ns : drive.stamps_ns) stamp_ns += kFirstStamp_ns;
-  return drive;
-}
-
 double InventedHeight_m(const Eigen::Vector2d& p_m) {
   return 4 * std::sin(p_m.x() / 60) + 2 * std::cos(p_m.y() / 35) +
          0.15 * std::sin(p_m.x() / 7) * std::sin(p_m.y() / 9);
@@ -159,6 +145,19 @@ double LengthOf(const Drive& drive) {
   return length_m;
 }
 
+Drive EveryNth(const Drive& drive, std::size_t n) {
+  Drive thinned;
+  thinned.name = drive.name;
+  thinned.description = drive.description;
+  for (std::size_t i = 0; i < drive.size(); i += n) {
+    thinned.stamps_ns.push_back(drive.stamps_ns[i]);
+    thinned.truth.push_back(drive.truth[i]);
+    thinned.odometry.push_back(drive.odometry[i]);
+    thinned.corrected.push_back(drive.corrected[i]);
+  }
+  return thinned;
+}
+
 Drive FirstOf(Drive drive, std::size_t count) {
   if (count >= drive.size()) return drive;
   drive.stamps_ns.resize(count);
@@ -177,25 +176,36 @@ std::optional<fs::path> TrajectoriesDir(const Settings& settings) {
 }
 
 absl::StatusOr<Drive> LoadKissIcpDrive(const fs::path& trajectories) {
-  GEM_ASSIGN_OR_RETURN(Drive drive, LoadWithClosedTruth(trajectories, fs::path("kitti00_kissicp") /
-                                                                          "00_odometry.txt"));
+  Drive drive;
   drive.name = "kiss-icp";
   drive.description =
       "KITTI 00, 4,541 scans at 10 Hz: odometry of KISS-ICP, corrected by the same run's closed "
       "pose graph. That turns by up to 0.2 degrees a scan within a dozen scans about its loops and "
       "is odometry elsewhere; for the truth the correction is spread over some 60 m of way";
+  const fs::path dir = trajectories / "kitti00_kissicp";
+  const fs::path reference = trajectories / "kitti_gt";
+  GEM_ASSIGN_OR_RETURN(const auto T_C_B, ReadCameraFromVelodyne(reference / "calib_00.txt"));
+  GEM_ASSIGN_OR_RETURN(drive.odometry, ReadPoses<Odom>(dir / "00_odometry.txt", T_C_B));
+  GEM_ASSIGN_OR_RETURN(drive.corrected, ReadPoses<Global>(dir / "00_loop_closed.txt", T_C_B));
+  GEM_ASSIGN_OR_RETURN(TimesFile times, ReadTimesFile((reference / "times_00.txt").string()));
+  drive.stamps_ns = std::move(times.stamps_ns);
+  for (std::int64_t& stamp_ns : drive.stamps_ns) stamp_ns += kFirstStamp_ns;
+  drive.truth = drive.corrected;
   GEM_RETURN_IF_ERROR(CheckSizes(drive));
   drive.truth = SpreadCorrection(drive, kSpread_m);
   return drive;
 }
 
 absl::StatusOr<Drive> LoadOrbDrive(const fs::path& trajectories) {
-  GEM_ASSIGN_OR_RETURN(
-      Drive drive, LoadWithClosedTruth(trajectories, fs::path("kitti00_evo") / "KITTI_00_ORB.txt"));
+  GEM_ASSIGN_OR_RETURN(Drive drive, LoadKissIcpDrive(trajectories));
   drive.name = "orb";
   drive.description =
-      "KITTI 00, 4,541 scans at 10 Hz: the trajectory of ORB-SLAM (cameras) as odometry, truth and "
-      "correction from KISS-ICP's closed pose graph";
+      "the same scans, with the trajectory of ORB-SLAM (cameras) as odometry; truth and correction "
+      "as for kiss-icp";
+  GEM_ASSIGN_OR_RETURN(const auto T_C_B,
+                       ReadCameraFromVelodyne(trajectories / "kitti_gt" / "calib_00.txt"));
+  GEM_ASSIGN_OR_RETURN(drive.odometry,
+                       ReadPoses<Odom>(trajectories / "kitti00_evo" / "KITTI_00_ORB.txt", T_C_B));
   GEM_RETURN_IF_ERROR(CheckSizes(drive));
   return drive;
 }

@@ -34,6 +34,9 @@ double LengthOf(const Drive& drive);
 /// The first `count` scans.
 Drive FirstOf(Drive drive, std::size_t count);
 
+/// Scan 0, n, 2 n and so on.
+Drive EveryNth(const Drive& drive, std::size_t n);
+
 /// Where the published trajectories lie: DIR/trajectories. Nothing without settings.data_dir, or if
 /// there is no such folder.
 std::optional<std::filesystem::path> TrajectoriesDir(const Settings& settings);

@@ -1,3 +1,4 @@
+#include "client/evaluation/any_slam.h"
 #include "client/evaluation/calibration.h"
 #include "client/evaluation/consistency.h"
 #include "client/evaluation/constant_time.h"
@@ -19,6 +20,7 @@ const std::vector<Experiment>& Experiments() {
       {"consistency", "Fig. 12, 14-16: streets driven twice, with and without deformation",
        &RunConsistency},
       {"memory", "Fig. 17, 18: stored points over a drive that comes back", &RunMemory},
+      {"any_slam", "one server, unchanged, under three SLAM systems", &RunAnySlam},
       {"calibration", "is the map as sure as it is right? (normalised errors)", &RunCalibration},
   };
   return *kExperiments;

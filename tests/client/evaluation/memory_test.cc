@@ -21,8 +21,9 @@ TEST(RunMemory, FindsThatMaintenanceKeepsTheMapSmall) {
   EXPECT_GT(figure("bytes per stored point"), 30);
   EXPECT_LE(figure("bytes per stored point"), 40);
   // 600 scans are two rounds and a half.
-  EXPECT_LT(figure("round one block"), 20);
-  EXPECT_GT(figure("the same without maintenance"), 60);
+  EXPECT_LT(figure("round one block, points in"), 20);
+  EXPECT_LT(figure("round one block, stored points per cell"), 1.2);
+  EXPECT_GT(figure("the same without maintenance"), 2);
 }
 
 }  // namespace
