@@ -2,7 +2,7 @@
 JOBS ?= 2
 export CTEST_OUTPUT_ON_FAILURE = 1
 
-.PHONY: all build demo test test-asan test-tsan lint format tidy deps clean help
+.PHONY: all build demo evaluate test test-asan test-tsan lint format tidy deps clean help
 
 all: build
 
@@ -10,6 +10,7 @@ help:
 	@echo "make build      Release binaries in build/release/bin"
 	@echo "make demo       build, simulate a robot, close a loop; pictures and timings in out/"
 	@echo "make test       build and run all tests"
+	@echo "make evaluate   rerun the paper's experiments; EVALUATION.md and plots (half an hour)"
 	@echo "make lint       check formatting, clang-tidy, protobuf style"
 	@echo "make format     format all sources"
 	@echo "make test-asan  tests under AddressSanitizer and UndefinedBehaviorSanitizer, fuzzer seeds"
@@ -27,6 +28,9 @@ build: build/release/build.ninja
 
 demo: build
 	deploy/demo.sh build/release/bin out
+
+evaluate: build
+	deploy/evaluate.sh build/release/bin
 
 test: build
 	cd build/release && ctest

@@ -16,6 +16,7 @@
 #include "core/base/status_macros.h"
 #include "gem/v1/ingest_service.grpc.pb.h"
 #include "proto/wire/pose.h"
+#include "proto/wire/scan.h"
 
 namespace gem::client {
 namespace {
@@ -28,7 +29,9 @@ constexpr double kPauseMax_s = 60;
 // How long a closed stream may take to end by itself.
 constexpr double kGoodbye_s = 2;
 // Scans that wait to be written; more would only add to the robot's memory.
-constexpr std::size_t kUnwrittenMax = 2;
+constexpr std::size_t kUnwrittenScansMax = 2;
+// Batches of poses that wait to be written.
+constexpr std::size_t kUnwrittenPosesMax = 16;
 // Batches of poses that are kept for the next stream while no scan follows them.
 constexpr std::size_t kWrittenPosesMax = 64;
 
@@ -40,7 +43,8 @@ Clock::duration Seconds(double seconds) {
 struct Pending {
   std::uint64_t seq = 0;  ///< of the scan, or of the last scan before the poses
   bool is_scan = false;
-  std::uint64_t size_bytes = 0;  ///< of the points
+  std::uint64_t credit_bytes = 0;  ///< of points or pixels
+  std::uint64_t buffer_bytes = 0;  ///< what it takes of the buffer
   // Shared: the server may acknowledge a message that is still being written.
   std::shared_ptr<const v1::IngestRequest> request;
 };
@@ -94,15 +98,16 @@ class IngestClient::Impl {
   absl::Status Send(const OutgoingScan& scan) {
     auto request = std::make_shared<v1::IngestRequest>();
     GEM_RETURN_IF_ERROR(ToProto(scan, options_.point_encoding, request->mutable_scan()));
-    const std::uint64_t size_bytes = request->scan().points().size();
+    const std::uint64_t size_bytes = wire::PayloadBytes(request->scan());
     if (size_bytes > opened_.scan_bytes_max)
-      return absl::InvalidArgumentError(absl::StrCat("the scan has ", size_bytes,
-                                                     " bytes of points, the server takes at most ",
-                                                     opened_.scan_bytes_max));
+      return absl::InvalidArgumentError(
+          absl::StrCat("the scan has ", size_bytes, " bytes of ",
+                       scan.depth_image ? "depths and colours" : "points",
+                       ", the server takes at most ", opened_.scan_bytes_max));
     MutexLock lock(mutex_);
-    GEM_RETURN_IF_ERROR(WaitForRoomLocked(size_bytes));
+    GEM_RETURN_IF_ERROR(WaitForRoomLocked(/*for_scan=*/true, size_bytes));
     request->mutable_scan()->set_seq(++sent_seq_);
-    PushLocked({sent_seq_, true, size_bytes, std::move(request)});
+    AddLocked({sent_seq_, true, size_bytes, size_bytes, std::move(request)});
     return absl::OkStatus();
   }
 
@@ -112,9 +117,10 @@ class IngestClient::Impl {
           absl::StrCat(poses.size(), " poses in a batch, want at most ", wire::kPosesOfBatch_max));
     auto request = std::make_shared<v1::IngestRequest>();
     wire::ToProto(poses, request->mutable_poses());
+    const std::uint64_t size_bytes = request->ByteSizeLong();
     MutexLock lock(mutex_);
-    GEM_RETURN_IF_ERROR(WaitForRoomLocked(0));
-    PushLocked({sent_seq_, false, 0, std::move(request)});
+    GEM_RETURN_IF_ERROR(WaitForRoomLocked(/*for_scan=*/false, size_bytes));
+    AddLocked({sent_seq_, false, 0, size_bytes, std::move(request)});
     return absl::OkStatus();
   }
 
@@ -160,25 +166,42 @@ class IngestClient::Impl {
     return absl::OkStatus();
   }
 
-  absl::Status WaitForRoomLocked(std::uint64_t size_bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+  absl::Status WaitForRoomLocked(bool for_scan, std::uint64_t size_bytes)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (close_wanted_) return absl::FailedPreconditionError("the session is closed");
-    return WaitLocked("credit", [this, size_bytes]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return WaitLocked("credit", [=, this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
       // Also true while a broken stream is opened anew: what comes fits the buffer all the same.
       const bool fits =
           pending_bytes_ == 0 || pending_bytes_ + size_bytes <= options_.buffer_bytes_max;
-      return !ended_ && fits && pending_.size() - num_written_ < kUnwrittenMax;
+      const std::size_t num_poses = FirstUnwrittenScanLocked() - num_written_;
+      const std::size_t num_scans = pending_.size() - num_written_ - num_poses;
+      return !ended_ && fits &&
+             (for_scan ? num_scans < kUnwrittenScansMax : num_poses < kUnwrittenPosesMax);
     });
   }
 
-  void PushLocked(Pending pending) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+  /// Place of the first scan that is not written; what lies before it and is not written is poses.
+  std::size_t FirstUnwrittenScanLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    std::size_t place = num_written_;
+    while (place < pending_.size() && !pending_[place].is_scan) ++place;
+    return place;
+  }
+
+  void AddLocked(Pending pending) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     while (num_written_ > kWrittenPosesMax && !pending_.front().is_scan) PopLocked();
-    pending_bytes_ += pending.size_bytes;
-    pending_.push_back(std::move(pending));
+    pending_bytes_ += pending.buffer_bytes;
+    std::size_t place = pending_.size();
+    if (!pending.is_scan) {
+      // Poses overtake scans that wait for credit: the scans that hold it may wait for the poses.
+      place = FirstUnwrittenScanLocked();
+      if (place < pending_.size()) pending.seq = pending_[place].seq - 1;
+    }
+    pending_.insert(pending_.begin() + static_cast<std::ptrdiff_t>(place), std::move(pending));
     changed_.NotifyAll();
   }
 
   void PopLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    pending_bytes_ -= pending_.front().size_bytes;
+    pending_bytes_ -= pending_.front().buffer_bytes;
     pending_.pop_front();
     --num_written_;
   }
@@ -231,6 +254,8 @@ class IngestClient::Impl {
       stream_broken_ = false;
       open_timed_out_ = false;
       close_written_ = false;
+      // The session may have ended by the close whose answer was lost.
+      open_request_.mutable_open()->set_closing(close_ever_written_);
     }
     const std::unique_ptr<Stream> stream = stub_->Ingest(&context);
     stream->Write(open_request_);
@@ -340,7 +365,8 @@ class IngestClient::Impl {
     MutexLock lock(mutex_);
     closed_ = SessionClosed{{closed.version().epoch(), closed.version().revision()},
                             closed.num_scans_fused(),
-                            closed.num_scans_refused()};
+                            closed.num_scans_refused(),
+                            closed.num_scans_not_deskewed()};
     changed_.NotifyAll();
   }
 
@@ -357,14 +383,14 @@ class IngestClient::Impl {
     }
     while (!stream_broken_) {
       if (num_written_ < pending_.size() &&
-          static_cast<std::int64_t>(pending_[num_written_].size_bytes) <= credit_bytes_) {
+          static_cast<std::int64_t>(pending_[num_written_].credit_bytes) <= credit_bytes_) {
         const std::shared_ptr<const v1::IngestRequest> request = pending_[num_written_].request;
-        credit_bytes_ -= static_cast<std::int64_t>(pending_[num_written_].size_bytes);
+        credit_bytes_ -= static_cast<std::int64_t>(pending_[num_written_].credit_bytes);
         ++num_written_;
         changed_.NotifyAll();
         if (!WriteUnlocked(stream, *request)) return;
       } else if (num_written_ == pending_.size() && close_wanted_ && !close_written_) {
-        close_written_ = true;
+        close_written_ = close_ever_written_ = true;
         v1::IngestRequest close;
         close.mutable_close();
         if (!WriteUnlocked(stream, close)) return;
@@ -412,7 +438,8 @@ class IngestClient::Impl {
   const std::shared_ptr<const Connection> connection_;
   const IngestOptions options_;
   const std::unique_ptr<v1::IngestService::Stub> stub_;
-  v1::IngestRequest open_request_;
+
+  v1::IngestRequest open_request_;  // the supervisor's own
 
   SessionOpened opened_;  // written once, before Open() returns
 
@@ -433,6 +460,7 @@ class IngestClient::Impl {
   bool stream_broken_ ABSL_GUARDED_BY(mutex_) = false;
   bool open_timed_out_ ABSL_GUARDED_BY(mutex_) = false;
   bool close_written_ ABSL_GUARDED_BY(mutex_) = false;
+  bool close_ever_written_ ABSL_GUARDED_BY(mutex_) = false;  // on any stream
   std::int64_t credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 
   // What the server said.

@@ -17,6 +17,7 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/trajectory.h"
 #include "core/grid/map_version.h"
+#include "core/sensor/depth_image.h"
 #include "core/sensor/noise_model.h"
 #include "core/sensor/scan.h"
 
@@ -63,13 +64,19 @@ struct PoseCovariance {
   Eigen::Matrix3d rotation_rad2 = Eigen::Matrix3d::Zero();   ///< of the rotation vector, in B
 };
 
-/// One scan to send; somebody else holds the points, which must be finite.
+/// One scan to send: points, which must be finite, or a depth image. Somebody else holds them.
 struct OutgoingScan {
   std::int64_t stamp_ns = 0;  ///< newer than the last scan's
   std::string sensor;
-  std::optional<Pose<Odom, Base>> T_O_B;  ///< nothing: the server takes it from streamed poses
+  /// Nothing: the server takes it from streamed poses, for which the scan waits a while.
+  std::optional<Pose<Odom, Base>> T_O_B;
   std::optional<PoseCovariance> covariance;
   std::span<const ScanPoint> points;
+  /// When each point was measured, seconds relative to stamp_ns; at most 1 in magnitude. Points are
+  /// then in S of their own time, and the server carries them to S of the stamp with the streamed
+  /// poses. Empty: all points are in S of the stamp.
+  std::span<const float> time_offsets_s = {};
+  std::optional<DepthImage> depth_image = {};  ///< instead of points
 };
 
 /// How points travel.
@@ -95,7 +102,7 @@ struct IngestOptions {
   /// First wait between two tries, seconds; doubles each time. Range [0, backoff_s_max].
   double backoff_s_min = 0.1;
   double backoff_s_max = 5;
-  /// Scans that are kept until they are fused, bytes of points. One scan always fits.
+  /// Scans and poses that are kept until they are fused, bytes. One scan always fits.
   std::uint64_t buffer_bytes_max = std::uint64_t{256} << 20;
   PointEncoding point_encoding = PointEncoding::kFloat32;
   /// Called for everything the server refuses, from a thread of the library; must not call back
@@ -123,6 +130,8 @@ struct SessionClosed {
   MapVersion version;  ///< maps of this version and later show everything the session sent
   std::uint64_t num_scans_fused = 0;
   std::uint64_t num_scans_refused = 0;
+  /// Scans with time offsets that were fused as they were, because no streamed poses cover them.
+  std::uint64_t num_scans_not_deskewed = 0;
 };
 
 /// One session. Send(), SendPoses(), WaitUntilFused() and Close() come from one thread; progress()
@@ -139,11 +148,13 @@ class IngestClient {
   const SessionOpened& opened() const;
 
   /// Numbers the scan and hands it to the stream; waits for credit and for room in the buffer.
-  /// INVALID_ARGUMENT: the scan is too large or does not fit its encoding, and is not sent.
+  /// INVALID_ARGUMENT: the scan is malformed, too large or does not fit its encoding, and is not
+  /// sent.
   /// Other errors end the client: DEADLINE_EXCEEDED, DATA_LOSS (the server forgot the session), or
   /// why the server cannot be reached.
   absl::Status Send(const OutgoingScan& scan);
-  /// Poses for scans that carry none; stamps increase. At most 4096.
+  /// Poses for scans that carry none and for points with time offsets; stamps increase. At most
+  /// 4096. They overtake scans that wait for credit: scans at the server may be waiting for them.
   absl::Status SendPoses(const std::vector<StampedPose<Odom, Base>>& poses);
 
   /// Returns when every scan that was sent is fused or refused.

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/sensor/deskew.h"
 #include "gem/v1/ingest_service.pb.h"
+#include "proto/wire/depth_image.h"
 #include "proto/wire/pose.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scan.h"
@@ -28,6 +31,30 @@ absl::StatusOr<double> Extent_m(std::span<const ScanPoint> points) {
     extent_m = std::max({extent_m, std::abs(p.x_m), std::abs(p.y_m), std::abs(p.z_m)});
   }
   return extent_m;
+}
+
+absl::Status CheckTimeOffsets(const OutgoingScan& scan) {
+  const std::span<const float> offsets_s = scan.time_offsets_s;
+  if (!offsets_s.empty() && offsets_s.size() != scan.points.size())
+    return absl::InvalidArgumentError(absl::StrCat("time_offsets_s has ", offsets_s.size(),
+                                                   " values, want none or one for each of ",
+                                                   scan.points.size(), " points"));
+  for (std::size_t i = 0; i < offsets_s.size(); ++i)
+    if (!(std::abs(offsets_s[i]) <= kTimeOffsetMax_s))  // NaN, too
+      return absl::InvalidArgumentError(absl::StrCat("time_offsets_s[", i, "] is ", offsets_s[i],
+                                                     ", want at most ", kTimeOffsetMax_s,
+                                                     " in magnitude"));
+  return absl::OkStatus();
+}
+
+absl::Status DepthImageToProto(const OutgoingScan& scan, v1::Scan* proto) {
+  if (!scan.points.empty() || !scan.time_offsets_s.empty())
+    return absl::InvalidArgumentError("the scan has points and a depth image, want one of the two");
+  wire::ToProto(*scan.depth_image, proto->mutable_depth_image());
+  // How much it may be is the server's to say.
+  const wire::ScanLimits no_limits = {std::numeric_limits<std::uint64_t>::max(),
+                                      std::numeric_limits<std::uint32_t>::max()};
+  return wire::FromProto(proto->depth_image(), no_limits, wire::FieldPath("depth_image")).status();
 }
 
 }  // namespace
@@ -57,19 +84,22 @@ void ToProto(const SessionSetup& setup, v1::OpenSession* proto) {
 }
 
 absl::Status ToProto(const OutgoingScan& scan, PointEncoding encoding, v1::Scan* proto) {
-  GEM_ASSIGN_OR_RETURN(const double extent_m, Extent_m(scan.points));
   proto->set_stamp_ns(scan.stamp_ns);
   proto->set_sensor(scan.sensor);
   if (scan.T_O_B) wire::ToProto(*scan.T_O_B, proto->mutable_odom_from_base());
   if (scan.covariance)
     wire::CovarianceToProto({scan.covariance->translation_m2, scan.covariance->rotation_rad2},
                             proto);
+  if (scan.depth_image) return DepthImageToProto(scan, proto);
+  GEM_ASSIGN_OR_RETURN(const double extent_m, Extent_m(scan.points));
+  GEM_RETURN_IF_ERROR(CheckTimeOffsets(scan));
   if (encoding == PointEncoding::kFloat32) {
-    wire::PointsToProto(scan.points, proto);
+    wire::PointsToProto(scan.points, proto, scan.time_offsets_s);
     return absl::OkStatus();
   }
   // One far point coarsens the whole scan, but never makes it fail.
-  return wire::PointsToProtoInt16(scan.points, std::max(kInt16Step_m, extent_m / kInt16Max), proto);
+  return wire::PointsToProtoInt16(scan.points, std::max(kInt16Step_m, extent_m / kInt16Max), proto,
+                                  scan.time_offsets_s);
 }
 
 IngestProblem FromProto(const v1::ScanProblem& proto) {

@@ -14,7 +14,8 @@ namespace gem::client {
 
 void ToProto(const SessionSetup& setup, v1::OpenSession* proto);
 
-/// Everything but the sequence number. INVALID_ARGUMENT for a point that is not finite.
+/// Everything but the sequence number. INVALID_ARGUMENT for a point that is not finite, time
+/// offsets that do not belong to the points, and a depth image that is none.
 absl::Status ToProto(const OutgoingScan& scan, PointEncoding encoding, v1::Scan* proto);
 
 IngestProblem FromProto(const v1::ScanProblem& proto);

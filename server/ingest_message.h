@@ -21,12 +21,12 @@ namespace gem {
 
 using Clock = std::chrono::steady_clock;
 
-/// One of the two pointers is set. The message is decoded and judged by the session's thread.
+/// One of the two pointers is set, until the session's thread has decoded and judged the message.
 struct IngestMessage {
   std::shared_ptr<const v1::Scan> scan;
   std::shared_ptr<const v1::PoseBatch> poses;
   std::uint64_t seq = 0;           ///< of the scan
-  std::uint64_t credit_bytes = 0;  ///< bytes of the scan's points: what the robot's credit pays for
+  std::uint64_t credit_bytes = 0;  ///< wire::PayloadBytes of the scan
   std::uint64_t size_bytes = 0;    ///< what the message occupies while it waits
   Clock::time_point arrived;
 };
@@ -53,6 +53,7 @@ struct SessionEnd {
   MapVersion version;
   std::uint64_t num_scans_fused = 0;
   std::uint64_t num_scans_refused = 0;
+  std::uint64_t num_scans_not_deskewed = 0;
 };
 
 /// The stream, as its session sees it. Called from the session's and the map's threads; must not

@@ -7,6 +7,7 @@
 #include "core/base/status_macros.h"
 #include "proto/wire/map.h"
 #include "proto/wire/refusal.h"
+#include "proto/wire/scan.h"
 #include "proto/wire/session_setup.h"
 #include "server/status_mapping.h"
 
@@ -111,14 +112,23 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::Open(const v1::OpenSe
   }
   const absl::StatusOr<wire::SessionSetup> setup = wire::FromProto(open, wire::FieldPath("open"));
   if (!setup.ok()) return setup.status();
-  absl::StatusOr<std::shared_ptr<SessionActor>> session = registry_.OpenSession(*setup);
+  absl::StatusOr<std::shared_ptr<IngestSink>> previous = OpenSession(*setup);
+  // In this order: a session that is ending never goes on again.
+  if (open.closing() && absl::IsFailedPrecondition(previous.status()))
+    return AwaitEnd(*setup, previous.status());
+  return previous;
+}
+
+absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::OpenSession(
+    const wire::SessionSetup& setup) {
+  absl::StatusOr<std::shared_ptr<SessionActor>> session = registry_.OpenSession(setup);
   if (!session.ok()) return session.status();
   absl::StatusOr<SessionMailbox::Attached> attached =
       (*session)->mailbox().Attach(shared_from_this());
   if (!attached.ok())
     return wire::WithField(
         absl::FailedPreconditionError(
-            absl::StrCat("open.session is ", setup->session, ", which has ended, want a new id")),
+            absl::StrCat("open.session is ", setup.session, ", which has ended, want a new id")),
         "open.session");
   v1::SessionOpened opened;
   opened.set_resume_after_seq(attached->resume_after_seq);
@@ -133,6 +143,22 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::Open(const v1::OpenSe
   return std::move(attached->previous);
 }
 
+absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::AwaitEnd(const wire::SessionSetup& setup,
+                                                                    const absl::Status& refused) {
+  const std::shared_ptr<SessionActor> session = registry_.FindSession(setup);
+  if (session == nullptr) return refused;
+  {
+    // Before it is attached: it may be told at once.
+    MutexLock lock(mutex_);
+    session_ = session;
+    closing_ = true;
+  }
+  SessionMailbox::EndOutlook outlook = session->mailbox().AttachForEnd(shared_from_this());
+  if (!outlook.ending) return refused;
+  if (outlook.end.has_value()) OnEnded(*outlook.end);
+  return std::move(outlook.previous);
+}
+
 void IngestReactor::TakeMessageLocked() {
   if (session_ == nullptr) return EndLocked(WantOpenFirst());
   IngestMessage message;
@@ -140,7 +166,7 @@ void IngestReactor::TakeMessageLocked() {
   switch (request_.payload_case()) {
     case v1::IngestRequest::kScan:
       message.seq = request_.scan().seq();
-      message.credit_bytes = request_.scan().points().size();
+      message.credit_bytes = wire::PayloadBytes(request_.scan());
       message.size_bytes = request_.scan().SpaceUsedLong();
       message.scan.reset(request_.release_scan());
       return EnqueueLocked(std::move(message));
@@ -186,6 +212,7 @@ void IngestReactor::OnEnded(const absl::StatusOr<SessionEnd>& end) {
   wire::ToProto(end->version, closed_->mutable_version());
   closed_->set_num_scans_fused(end->num_scans_fused);
   closed_->set_num_scans_refused(end->num_scans_refused);
+  closed_->set_num_scans_not_deskewed(end->num_scans_not_deskewed);
   EndLocked(absl::OkStatus());
 }
 

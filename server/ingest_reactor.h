@@ -61,8 +61,12 @@ class IngestReactor final : public grpc::ServerBidiReactor<v1::IngestRequest, v1
   void OnTakenOver() override;
 
  private:
-  /// Returns the stream that was taken over, if any.
+  // These return the stream that was taken over, if any.
   absl::StatusOr<std::shared_ptr<IngestSink>> Open(const v1::OpenSession& open);
+  absl::StatusOr<std::shared_ptr<IngestSink>> OpenSession(const wire::SessionSetup& setup);
+  /// For a robot that comes back to hear the answer to its close; `refused` if there is none.
+  absl::StatusOr<std::shared_ptr<IngestSink>> AwaitEnd(const wire::SessionSetup& setup,
+                                                       const absl::Status& refused);
   void TakeMessageLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void EnqueueLocked(IngestMessage message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ReadOnLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -90,7 +94,7 @@ class IngestReactor final : public grpc::ServerBidiReactor<v1::IngestRequest, v1
   bool drain_ ABSL_GUARDED_BY(mutex_) = false;                       ///< still to be said
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
   bool half_closed_ ABSL_GUARDED_BY(mutex_) = false;
-  bool closing_ ABSL_GUARDED_BY(mutex_) = false;  ///< close was received: nothing is read any more
+  bool closing_ ABSL_GUARDED_BY(mutex_) = false;  ///< nothing is read any more
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;

@@ -78,6 +78,14 @@ Metrics::Metrics()
       duplicate_scans_(
           CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason")
               .Add({{"result", "duplicate"}, {"reason", ""}})),
+      deskewed_scans_(
+          CounterFamily(*registry_, "gem_deskewed_scans_total",
+                        "Fused scans with time offsets by whether poses covered their time span")
+              .Add({{"result", "deskewed"}})),
+      not_deskewed_scans_(
+          CounterFamily(*registry_, "gem_deskewed_scans_total",
+                        "Fused scans with time offsets by whether poses covered their time span")
+              .Add({{"result", "as_it_comes"}})),
       accepted_poses_(
           CounterFamily(*registry_, "gem_pose_batches_total", "Batches of streamed poses by result")
               .Add({{"result", "accepted"}})),

@@ -76,6 +76,8 @@ class Metrics {
   const std::shared_ptr<prometheus::Registry>& registry() const { return registry_; }
 
   void ObserveScan(const ScanReport& report);
+  /// A scan whose points have time offsets was fused; done: there were poses to deskew it with.
+  void CountDeskew(bool done) { (done ? deskewed_scans_ : not_deskewed_scans_).Increment(); }
   void CountDuplicateScan() { duplicate_scans_.Increment(); }
   void CountRefusedScan(wire::ProblemReason reason);
   void CountPoses(bool accepted) { (accepted ? accepted_poses_ : refused_poses_).Increment(); }
@@ -108,6 +110,8 @@ class Metrics {
   prometheus::Counter& fused_scans_;
   prometheus::Counter& duplicate_scans_;
   std::array<prometheus::Counter*, wire::kNumProblemReasons> refused_scans_{};
+  prometheus::Counter& deskewed_scans_;
+  prometheus::Counter& not_deskewed_scans_;
   prometheus::Counter& accepted_poses_;
   prometheus::Counter& refused_poses_;
   std::array<prometheus::Counter*, kNumPointOutcomes> point_outcomes_{};

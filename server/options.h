@@ -44,7 +44,8 @@ struct ServerOptions {
   /// A session without a stream ends after so long; what it holds enters the map. Seconds, range
   /// (0, 1e6].
   double session_idle_s_max = 600.0;
-  /// A scan without a pose waits so long for a streamed pose after it. Seconds, range [0, 10].
+  /// A scan waits so long for streamed poses around its stamp or its points' times; then it is
+  /// refused. Seconds, range [0, 10].
   double pose_wait_s_max = 0.2;
 
   // Limits.
@@ -62,6 +63,9 @@ struct ServerOptions {
   std::uint32_t points_max = 2'000'000;
   /// Bytes that wait for one session; the credit that a robot gets. Range [scan_bytes_max, 2^32].
   std::uint64_t queue_bytes_max = 64u << 20;
+  /// Scans of one session that wait for poses, in half of queue_bytes_max; then the oldest is
+  /// refused. Range [1, 10000].
+  int waiting_scans_max = 100;
   /// Any message. Above the largest scan, so that an oversized scan is refused by name instead of
   /// breaking the stream, and above a correction of a million poses. Range (scan_bytes_max, 2^31).
   std::uint64_t message_bytes_max = 96u << 20;

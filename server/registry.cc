@@ -46,8 +46,8 @@ MapActorOptions MapActorOptionsOf(const ServerOptions& options) {
 }
 
 SessionActorOptions SessionActorOptionsOf(const ServerOptions& options) {
-  return {options.queue_bytes_max, options.publish_hz, options.local_publish_hz,
-          options.session_idle_s_max, options.pose_wait_s_max};
+  return {options.queue_bytes_max,    options.publish_hz,      options.local_publish_hz,
+          options.session_idle_s_max, options.pose_wait_s_max, options.waiting_scans_max};
 }
 
 }  // namespace
@@ -154,6 +154,14 @@ std::vector<std::shared_ptr<SessionActor>> Registry::ForgetLocked() {
     --num_ended;
   }
   return forgotten;
+}
+
+std::shared_ptr<SessionActor> Registry::FindSession(const wire::SessionSetup& setup) const {
+  MutexLock lock(mutex_);
+  const auto found = sessions_.find(SessionKey(setup.map, setup.session));
+  const bool is_own =
+      found != sessions_.end() && found->second->config().setup.robot == setup.robot;
+  return is_own ? found->second : nullptr;
 }
 
 absl::StatusOr<std::shared_ptr<MapActor>> Registry::FindMap(const std::string& map) const {

@@ -32,6 +32,9 @@ class Registry {
   /// setup says, or has ended), RESOURCE_EXHAUSTED. A resumed session keeps its first setup.
   absl::StatusOr<std::shared_ptr<SessionActor>> OpenSession(const wire::SessionSetup& setup);
 
+  /// The session if it is known, ended or not, and the robot's own; else null.
+  std::shared_ptr<SessionActor> FindSession(const wire::SessionSetup& setup) const;
+
   /// NOT_FOUND names the field "map".
   absl::StatusOr<std::shared_ptr<MapActor>> FindMap(const std::string& map) const;
   /// The robot's newest session. NOT_FOUND names the field "robot".

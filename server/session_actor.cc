@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "spdlog/spdlog.h"
 
 namespace gem {
@@ -48,12 +50,16 @@ void SessionActor::Run() {
   // On this thread: a window of a million cells takes a while to allocate.
   SessionMapper mapper(config_);
   while (true) {
-    const SessionMailbox::Work work = mailbox_->Wait(NextDeadline());
+    SessionMailbox::Work work = mailbox_->Wait(NextDeadline());
     if (work.stopped) break;
     TakePoses(mapper, work.poses);
-    if (work.scan.has_value()) ProcessScan(mapper, *work.scan);
+    const bool has_scan = work.scan.has_value();
+    if (has_scan) TakeScan(mapper, *std::move(work.scan));
     const bool idle_too_long =
         Clock::now() - mailbox_->idle_since() >= Seconds(options_.session_idle_s_max);
+    ServeLine(mapper, work.end_requested || idle_too_long);
+    // What waits in line leaves room in the queue: the poses may be next on the stream.
+    if (has_scan && !line_.empty()) TellStream();
     if (work.end_requested || idle_too_long) {
       if (mailbox_->CloseDoor(/*only_if_alone=*/!work.end_requested)) {
         End(mapper);
@@ -67,6 +73,8 @@ void SessionActor::Run() {
 
 Clock::time_point SessionActor::NextDeadline() const {
   Clock::time_point deadline = mailbox_->idle_since() + Seconds(options_.session_idle_s_max);
+  if (!line_.empty())
+    deadline = std::min(deadline, line_.front().since + Seconds(options_.pose_wait_s_max));
   if (map_is_old_) deadline = std::min(deadline, last_publish_ + Seconds(1 / options_.publish_hz));
   return deadline;
 }
@@ -82,46 +90,88 @@ void SessionActor::TakePoses(SessionMapper& mapper, const std::vector<IngestMess
   if (!batches.empty()) TellStream();
 }
 
-void SessionActor::ProcessScan(SessionMapper& mapper, const IngestMessage& message) {
-  const absl::Status status = FuseScan(mapper, message);
+void SessionActor::TakeScan(SessionMapper& mapper, IngestMessage message) {
+  InLine scan;
+  const auto intake = mapper.Take(*message.scan, message.seq, scan.held);
+  scan.status = intake.status();
+  scan.is_duplicate = intake.ok() && *intake == SessionMapper::Intake::kDuplicate;
+  scan.last_seq = mapper.last_seq();
+  scan.size_bytes = std::max(scan.held.size_bytes(), message.size_bytes);
+  scan.since = Clock::now();
+  message.scan = nullptr;
+  scan.message = std::move(message);
+  line_bytes_ += scan.size_bytes;
+  line_.push_back(std::move(scan));
+}
+
+void SessionActor::ServeLine(SessionMapper& mapper, bool ending) {
+  while (!line_.empty() && ServeFront(mapper, ending)) {
+  }
+}
+
+bool SessionActor::ServeFront(SessionMapper& mapper, bool ending) {
+  InLine& front = line_.front();
+  absl::Status status = front.status;
+  if (front.is_duplicate) {
+    metrics_.CountDuplicateScan();
+  } else if (status.ok()) {
+    const auto readiness = mapper.Prepare(front.held, WhyGiveUp(ending));
+    if (readiness.ok() && *readiness == SessionMapper::Readiness::kWaits) return false;
+    status = readiness.status();
+    if (readiness.ok()) Fuse(mapper, front.held);
+  }
+  FinishFront(mapper, status);
+  return true;
+}
+
+std::string SessionActor::WhyGiveUp(bool ending) const {
+  const Clock::duration waited = Clock::now() - line_.front().since;
+  const std::uint64_t bytes_max = options_.queue_bytes_max / 2;
+  std::string why;
+  if (ending) {
+    why = "the session ends";
+  } else if (line_.size() > static_cast<std::size_t>(options_.waiting_scans_max)) {
+    why = absl::StrCat(line_.size(), " scans wait, at most ", options_.waiting_scans_max, " may");
+  } else if (line_.size() > 1 && line_bytes_ > bytes_max) {
+    why = absl::StrCat(line_bytes_, " bytes of scans wait, at most ", bytes_max, " may");
+  } else if (waited < Seconds(options_.pose_wait_s_max)) {
+    return why;
+  }
+  const double waited_s = std::chrono::duration<double>(waited).count();
+  return absl::StrCat(
+      why, why.empty() ? "" : ", ",
+      absl::StrFormat("waited %.2f s, at most %g", waited_s, options_.pose_wait_s_max));
+}
+
+void SessionActor::FinishFront(SessionMapper& mapper, const absl::Status& status) {
+  InLine front = std::move(line_.front());
+  line_.pop_front();
+  line_bytes_ -= front.size_bytes;
   std::optional<IngestProblem> problem;
   if (!status.ok()) {
-    problem = ProblemOf(message.seq, status);
+    problem = ProblemOf(front.message.seq, status);
     metrics_.CountRefusedScan(problem->reason);
     num_refused_.fetch_add(1, std::memory_order_relaxed);
   }
-  mailbox_->FinishScan(message, mapper.last_seq(), problem);
+  mailbox_->FinishScan(front.message, front.last_seq, problem);
+  mapper.Recycle(std::move(front.held));
   TellStream();
 }
 
-absl::Status SessionActor::FuseScan(SessionMapper& mapper, const IngestMessage& message) {
-  const auto intake = mapper.Take(*message.scan, message.seq);
-  if (!intake.ok()) return intake.status();
-  if (*intake == SessionMapper::Intake::kDuplicate) {
-    metrics_.CountDuplicateScan();
-    return absl::OkStatus();
-  }
-  if (WaitForPose(mapper) != SessionMapper::PoseSearch::kFound) return mapper.RefuseForPose();
-  metrics_.ObserveScan(mapper.Fuse());
+void SessionActor::Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held) {
+  metrics_.ObserveScan(mapper.Fuse(held));
   num_fused_.fetch_add(1, std::memory_order_relaxed);
+  if (held.deskewing != SessionMapper::Deskewing::kNotNeeded) {
+    const bool done = held.deskewing == SessionMapper::Deskewing::kDone;
+    metrics_.CountDeskew(done);
+    if (!done) ++num_not_deskewed_;
+  }
   local_map_is_old_ = map_is_old_ = true;
   // Before the scan is acknowledged: who sees the acknowledgement of the last scan finds it in the
   // local map. A busy session copies at a bounded rate.
   const bool copy_is_due =
       Clock::now() - last_local_publish_ >= Seconds(1 / options_.local_publish_hz);
   if (copy_is_due || !mailbox_->HasScans()) PublishLocalMap(mapper);
-  return absl::OkStatus();
-}
-
-SessionMapper::PoseSearch SessionActor::WaitForPose(SessionMapper& mapper) {
-  const Clock::time_point deadline = Clock::now() + Seconds(options_.pose_wait_s_max);
-  while (true) {
-    const SessionMapper::PoseSearch search = mapper.FindPose();
-    if (search != SessionMapper::PoseSearch::kMayCome) return search;
-    const std::vector<IngestMessage> batches = mailbox_->WaitForPoses(deadline);
-    if (batches.empty()) return SessionMapper::PoseSearch::kNone;
-    TakePoses(mapper, batches);
-  }
 }
 
 void SessionActor::PublishLocalMap(const SessionMapper& mapper) {
@@ -145,19 +195,20 @@ void SessionActor::PublishWhatIsDue(SessionMapper& mapper) {
 
 void SessionActor::End(SessionMapper& mapper) {
   if (local_map_is_old_) PublishLocalMap(mapper);
-  const std::uint64_t num_fused = num_scans_fused();
-  const std::uint64_t num_refused = num_scans_refused();
+  const SessionEnd counts{{}, num_scans_fused(), num_scans_refused(), num_not_deskewed_};
   active_.store(false, std::memory_order_release);
   spdlog::info("session {} of robot {} ended: {} scans fused, {} refused", config_.setup.session,
-               config_.setup.robot, num_fused, num_refused);
-  map_->Update(
-      config_.setup.session, mapper.End(),
-      [mailbox = mailbox_, num_fused, num_refused](const absl::StatusOr<MapVersion>& version) {
-        const std::shared_ptr<IngestSink> sink = mailbox->sink();
-        if (sink == nullptr) return;
-        if (!version.ok()) return sink->OnEnded(version.status());
-        sink->OnEnded(SessionEnd{*version, num_fused, num_refused});
-      });
+               config_.setup.robot, counts.num_scans_fused, counts.num_scans_refused);
+  map_->Update(config_.setup.session, mapper.End(),
+               [mailbox = mailbox_, counts](const absl::StatusOr<MapVersion>& version) {
+                 absl::StatusOr<SessionEnd> end = counts;
+                 if (version.ok()) {
+                   end->version = *version;
+                 } else {
+                   end = version.status();
+                 }
+                 if (const auto sink = mailbox->SetEnd(end)) sink->OnEnded(end);
+               });
 }
 
 void SessionActor::TellStream() const {

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,6 +24,7 @@ struct SessionActorOptions {
   double local_publish_hz = 10;
   double session_idle_s_max = 600;
   double pose_wait_s_max = 0.2;
+  int waiting_scans_max = 100;
 };
 
 class SessionActor {
@@ -55,9 +57,17 @@ class SessionActor {
  private:
   void Run();
   void TakePoses(SessionMapper& mapper, const std::vector<IngestMessage>& batches);
-  void ProcessScan(SessionMapper& mapper, const IngestMessage& message);
-  absl::Status FuseScan(SessionMapper& mapper, const IngestMessage& message);
-  SessionMapper::PoseSearch WaitForPose(SessionMapper& mapper);
+  /// Decodes the scan and puts it in line.
+  void TakeScan(SessionMapper& mapper, IngestMessage message);
+  /// Fuses or refuses from the front of the line until a scan has to wait for poses. Nothing waits
+  /// any longer if the session ends.
+  void ServeLine(SessionMapper& mapper, bool ending);
+  /// False: the front has to wait.
+  bool ServeFront(SessionMapper& mapper, bool ending);
+  void FinishFront(SessionMapper& mapper, const absl::Status& status);
+  /// Why the front must not wait any longer; empty if it may.
+  std::string WhyGiveUp(bool ending) const;
+  void Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held);
   void PublishWhatIsDue(SessionMapper& mapper);
   void PublishLocalMap(const SessionMapper& mapper);
   void End(SessionMapper& mapper);
@@ -72,7 +82,21 @@ class SessionActor {
   /// Shared: what a finished call or a publication still refers to.
   const std::shared_ptr<SessionMailbox> mailbox_;
 
+  /// A scan that is done when those before it are.
+  struct InLine {
+    IngestMessage message;         ///< decoded: its scan is gone
+    absl::Status status;           ///< why it is refused, if that is known already
+    bool is_duplicate = false;     ///< nothing is to be done
+    SessionMapper::HeldScan held;  ///< if it is neither
+    std::uint64_t last_seq = 0;    ///< newest sequence number that is used up with it
+    std::uint64_t size_bytes = 0;  ///< what it occupies, or counts for in the mailbox
+    Clock::time_point since;
+  };
+
   // The thread's own.
+  std::deque<InLine> line_;
+  std::uint64_t line_bytes_ = 0;
+  std::uint64_t num_not_deskewed_ = 0;
   Clock::time_point last_local_publish_;
   Clock::time_point last_publish_;
   bool local_map_is_old_ = false;

@@ -25,6 +25,21 @@ absl::StatusOr<SessionMailbox::Attached> SessionMailbox::Attach(std::shared_ptr<
   return attached;
 }
 
+SessionMailbox::EndOutlook SessionMailbox::AttachForEnd(std::shared_ptr<IngestSink> sink) {
+  MutexLock lock(mutex_);
+  EndOutlook outlook;
+  outlook.ending = end_.has_value() || door_closed_ || end_requested_;
+  outlook.end = end_;
+  if (outlook.ending && !end_.has_value()) outlook.previous = std::exchange(sink_, std::move(sink));
+  return outlook;
+}
+
+std::shared_ptr<IngestSink> SessionMailbox::SetEnd(const absl::StatusOr<SessionEnd>& end) {
+  MutexLock lock(mutex_);
+  end_ = end;
+  return sink_;
+}
+
 void SessionMailbox::Detach(const IngestSink* sink) {
   MutexLock lock(mutex_);
   if (sink_.get() != sink) return;
@@ -45,12 +60,19 @@ bool SessionMailbox::Enqueue(const IngestSink* sink, IngestMessage message) {
   idle_since_ = Clock::now();
   (message.scan != nullptr ? scans_ : poses_).push_back(std::move(message));
   changed_.NotifyOne();
-  return queue_bytes_ < queue_bytes_max_;
+  return HasRoomLocked();
 }
 
 bool SessionMailbox::HasRoom() const {
   MutexLock lock(mutex_);
-  return queue_bytes_ < queue_bytes_max_;
+  return HasRoomLocked();
+}
+
+bool SessionMailbox::HasRoomLocked() const {
+  // Scans in hand may wait for poses that have not been read yet: one that fills the whole queue
+  // must not keep them out.
+  const std::uint64_t in_hand_bytes = std::min(in_hand_bytes_, queue_bytes_max_ / 2);
+  return queue_bytes_ - in_hand_bytes_ + in_hand_bytes < queue_bytes_max_;
 }
 
 bool SessionMailbox::HasScans() const {
@@ -81,7 +103,7 @@ IngestProgress SessionMailbox::TakeProgress(const IngestSink* sink) {
 
 bool SessionMailbox::idle() const {
   MutexLock lock(mutex_);
-  return scans_.empty() && poses_.empty() && !in_hand_.has_value();
+  return scans_.empty() && poses_.empty() && in_hand_.empty();
 }
 
 SessionMailbox::Work SessionMailbox::Wait(Clock::time_point deadline) {
@@ -97,27 +119,21 @@ SessionMailbox::Work SessionMailbox::Wait(Clock::time_point deadline) {
   if (!scans_.empty()) {
     work.scan = std::move(scans_.front());
     scans_.pop_front();
-    in_hand_ = work.scan->arrived;
+    in_hand_.push_back(work.scan->arrived);
+    in_hand_bytes_ += work.scan->size_bytes;
   }
   work.end_requested = end_requested_ && !work.scan.has_value();
   return work;
-}
-
-std::vector<IngestMessage> SessionMailbox::WaitForPoses(Clock::time_point deadline) {
-  MutexLock lock(mutex_);
-  while (!stopped_ && poses_.empty() && !end_requested_)
-    if (!changed_.WaitUntil(mutex_, deadline)) break;
-  std::vector<IngestMessage> poses(std::make_move_iterator(poses_.begin()),
-                                   std::make_move_iterator(poses_.end()));
-  poses_.clear();
-  return poses;
 }
 
 void SessionMailbox::FinishScan(const IngestMessage& scan, std::uint64_t fused_seq,
                                 const std::optional<IngestProblem>& problem) {
   MutexLock lock(mutex_);
   fused_seq_ = fused_seq;
-  in_hand_.reset();
+  in_hand_.pop_front();
+  in_hand_bytes_ -= scan.size_bytes;
+  progress_.credit_bytes += scan.credit_bytes;
+  progress_.news = true;
   ReleaseLocked(scan, problem);
 }
 
@@ -132,10 +148,6 @@ void SessionMailbox::ReleaseLocked(const IngestMessage& message,
   queue_bytes_ -= message.size_bytes;
   unreturned_credit_bytes_ -= message.credit_bytes;
   idle_since_ = Clock::now();
-  if (message.scan != nullptr) {
-    progress_.credit_bytes += message.credit_bytes;
-    progress_.news = true;
-  }
   if (problem.has_value()) AddProblemLocked(*problem);
 }
 
@@ -150,7 +162,8 @@ void SessionMailbox::AddProblemLocked(IngestProblem problem) {
 
 bool SessionMailbox::CloseDoor(bool only_if_alone) {
   MutexLock lock(mutex_);
-  if (only_if_alone && (sink_ != nullptr || !scans_.empty() || !poses_.empty())) return false;
+  const bool alone = sink_ == nullptr && scans_.empty() && poses_.empty() && in_hand_.empty();
+  if (only_if_alone && !alone) return false;
   door_closed_ = true;
   return true;
 }
@@ -175,8 +188,12 @@ std::shared_ptr<IngestSink> SessionMailbox::sink() const {
 
 SessionMailbox::Load SessionMailbox::load() const {
   MutexLock lock(mutex_);
-  Load load{queue_bytes_, in_hand_, fused_seq_, sink_ != nullptr};
-  if (!load.oldest.has_value() && !scans_.empty()) load.oldest = scans_.front().arrived;
+  Load load{queue_bytes_, std::nullopt, fused_seq_, sink_ != nullptr};
+  if (!in_hand_.empty()) {
+    load.oldest = in_hand_.front();
+  } else if (!scans_.empty()) {
+    load.oldest = scans_.front().arrived;
+  }
   return load;
 }
 

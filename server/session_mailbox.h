@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "core/base/mutex.h"
 #include "server/ingest_message.h"
 
@@ -41,21 +42,27 @@ class SessionMailbox {
   void AddProblem(const IngestSink* sink, IngestProblem problem);
   /// What happened since the last call. Nothing for a sink that is not attached.
   IngestProgress TakeProgress(const IngestSink* sink);
+  /// For a stream that comes back to hear how the session ended.
+  struct EndOutlook {
+    bool ending = false;                            ///< false: nothing was attached
+    std::optional<absl::StatusOr<SessionEnd>> end;  ///< unset: OnEnded() will tell
+    std::shared_ptr<IngestSink> previous;           ///< to be told that it was taken over
+  };
+  EndOutlook AttachForEnd(std::shared_ptr<IngestSink> sink);
   /// Nothing waits and nothing is in hand.
   bool idle() const;
 
   // For the session's thread.
   struct Work {
     std::vector<IngestMessage> poses;   ///< all that wait
-    std::optional<IngestMessage> scan;  ///< the oldest; in hand until Finish()
+    std::optional<IngestMessage> scan;  ///< the oldest; in hand until FinishScan()
     bool end_requested = false;         ///< and no scan is left
     bool stopped = false;
   };
-  /// Waits for work until the deadline, or until the stream leaves.
+  /// Waits for work until the deadline, or until the stream leaves. Several scans may be in hand:
+  /// they wait for poses. Half of the queue is kept free of them, so that poses can come.
   Work Wait(Clock::time_point deadline);
-  /// Waits for poses only: a scan in hand needs them. Returns early without any when none can come.
-  std::vector<IngestMessage> WaitForPoses(Clock::time_point deadline);
-  /// The scan in hand is done: fused, a duplicate (both without problem) or refused.
+  /// The oldest scan in hand is done: fused, a duplicate (both without problem) or refused.
   void FinishScan(const IngestMessage& scan, std::uint64_t fused_seq,
                   const std::optional<IngestProblem>& problem);
   /// A batch of poses is done.
@@ -63,6 +70,8 @@ class SessionMailbox {
   /// No stream may attach any more. False, and nothing is closed, if `only_if_alone` and a stream
   /// is there or something waits.
   bool CloseDoor(bool only_if_alone);
+  /// Remembers how the session ended. Returns the stream that is to be told, if there is one.
+  std::shared_ptr<IngestSink> SetEnd(const absl::StatusOr<SessionEnd>& end);
   /// When the last stream left or the last message came, whichever is later.
   Clock::time_point idle_since() const;
 
@@ -78,6 +87,7 @@ class SessionMailbox {
   Load load() const;
 
  private:
+  bool HasRoomLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ReleaseLocked(const IngestMessage& message, const std::optional<IngestProblem>& problem)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void AddProblemLocked(IngestProblem problem) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -90,7 +100,8 @@ class SessionMailbox {
   std::shared_ptr<IngestSink> sink_ ABSL_GUARDED_BY(mutex_);
   std::deque<IngestMessage> scans_ ABSL_GUARDED_BY(mutex_);
   std::deque<IngestMessage> poses_ ABSL_GUARDED_BY(mutex_);
-  std::optional<Clock::time_point> in_hand_ ABSL_GUARDED_BY(mutex_);
+  std::deque<Clock::time_point> in_hand_ ABSL_GUARDED_BY(mutex_);  ///< arrivals, oldest first
+  std::uint64_t in_hand_bytes_ ABSL_GUARDED_BY(mutex_) = 0;        ///< part of queue_bytes_
   std::uint64_t queue_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t unreturned_credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t accepted_seq_ ABSL_GUARDED_BY(mutex_) = 0;
@@ -101,6 +112,7 @@ class SessionMailbox {
   bool detached_ ABSL_GUARDED_BY(mutex_) = false;  ///< since the last Wait()
   bool door_closed_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
+  std::optional<absl::StatusOr<SessionEnd>> end_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace gem

@@ -1,5 +1,5 @@
-// What a session does with its robot's messages: decodes, judges, orders, finds the pose, fuses,
-// and collects submaps. Single-threaded; the session's thread owns it. Knows no queue and no
+// What a session does with its robot's messages: decodes, judges, orders, finds the poses, deskews,
+// fuses, and collects submaps. Single-threaded; the session's thread owns it. Knows no queue and no
 // stream.
 #pragma once
 
@@ -7,14 +7,17 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "core/geometry/trajectory.h"
 #include "core/global/global_mapper.h"
 #include "core/global/submap_builder.h"
 #include "core/local/local_mapper.h"
+#include "core/sensor/deskew.h"
 #include "proto/wire/scan.h"
 #include "proto/wire/session_setup.h"
 
@@ -39,26 +42,41 @@ class SessionMapper {
  public:
   explicit SessionMapper(const SessionConfig& config);
 
-  /// Poses of odometry between scans. What is not newer than the newest is skipped (a resumed
-  /// stream may repeat itself); OUT_OF_ORDER if nothing is newer.
+  /// Poses of odometry between scans. What is not newer than the newest is skipped: a resumed
+  /// stream may repeat itself. OUT_OF_ORDER if nothing is newer and a stamp was never seen.
   absl::Status AddPoses(const v1::PoseBatch& poses);
 
-  enum class Intake { kTaken, kDuplicate };
-  /// Judges the scan and holds it. A refusal names the field and carries a ProblemReason; like a
-  /// scan that is taken it uses up its sequence number, unless that is out of line.
-  absl::StatusOr<Intake> Take(const v1::Scan& scan, std::uint64_t seq);
+  enum class Deskewing : std::uint8_t { kNotNeeded, kDone, kNotPossible };
+  /// A scan that was taken, decoded and judged.
+  struct HeldScan {
+    wire::DecodedScan scan;
+    const wire::SensorSetup* sensor = nullptr;
+    TimeSpan span;  ///< from its first point to its last, the stamp included
 
-  enum class PoseSearch {
-    kFound,
-    kMayCome,  ///< the newest streamed pose is older than the scan
-    kNone
+    // Once it is ready.
+    Pose<Odom, Base> T_O_B;
+    Deskewing deskewing = Deskewing::kNotNeeded;
+
+    std::uint64_t size_bytes() const {
+      return scan.points.size() * sizeof(ScanPoint) + scan.time_offsets_s.size() * sizeof(float);
+    }
   };
-  /// Looks for the pose of the scan that is held.
-  PoseSearch FindPose();
-  /// NO_POSE for the scan that is held.
-  absl::Status RefuseForPose() const;
-  /// Fuses the scan that is held. FindPose() said kFound.
-  ScanReport Fuse();
+
+  enum class Intake { kTaken, kDuplicate };
+  /// Judges all of the scan but its stamp. A refusal names the field and carries a ProblemReason;
+  /// like a scan that is taken it uses up its sequence number, unless that is out of line. Call
+  /// Recycle(held) when done with it, whatever became of it.
+  absl::StatusOr<Intake> Take(const v1::Scan& scan, std::uint64_t seq, HeldScan& held);
+
+  enum class Readiness { kReady, kWaits };
+  /// Looks for the poses of a scan all of whose predecessors are done. It waits if streamed poses
+  /// that it needs may come; `gave_up` says why it cannot wait any longer, and is empty if it can.
+  /// An error refuses the scan: OUT_OF_ORDER for its stamp, NO_POSE.
+  absl::StatusOr<Readiness> Prepare(HeldScan& held, absl::string_view gave_up) const;
+  /// Fuses a scan that is ready.
+  ScanReport Fuse(HeldScan& held);
+  /// Keeps the buffers for the next scan.
+  void Recycle(HeldScan&& held) { spare_ = std::move(held.scan); }
 
   /// Last sequence number that was used up.
   std::uint64_t last_seq() const { return last_seq_; }
@@ -74,17 +92,19 @@ class SessionMapper {
 
  private:
   absl::Status CheckOrder(std::uint64_t seq) const;
-  void AppendOdometry();
+  /// True if a pose with the stamp was added, as far as is remembered.
+  bool Knows(std::int64_t stamp_ns) const;
+  absl::Status RefuseForPose(const HeldScan& held, absl::string_view gave_up) const;
+  void AppendOdometry(const HeldScan& held);
 
   // Constant after construction.
   const SessionConfig config_;
 
   std::unique_ptr<LocalMapper> mapper_;
   SubmapBuilder builder_;
-  Trajectory<Odom, Base> streamed_;            ///< poses between scans
-  wire::DecodedScan scan_;                     ///< held between Take() and Fuse()
-  const wire::SensorSetup* sensor_ = nullptr;  ///< of scan_
-  Pose<Odom, Base> T_O_B_;                     ///< of scan_, once found
+  Trajectory<Odom, Base> streamed_;  ///< poses between scans
+  bool streamed_dropped_ = false;    ///< older poses than the oldest were forgotten
+  wire::DecodedScan spare_;          ///< buffers for the next scan
   std::vector<EvictedCell> evicted_;
   SessionUpdate update_;
   std::uint64_t last_seq_ = 0;

@@ -123,7 +123,7 @@ std::vector<Setting> MakeSettings() {
       GEM_SETTING("session_idle_s_max", session_idle_s_max,
                   "a session without a stream ends after so long, s"),
       GEM_SETTING("pose_wait_s_max", pose_wait_s_max,
-                  "a scan waits so long for a streamed pose after it, s"),
+                  "a scan waits so long for streamed poses around it, s"),
 
       GEM_SETTING("sessions_max", sessions_max, "sessions that are open at once"),
       GEM_SETTING("ended_sessions_max", ended_sessions_max, "ended sessions that are remembered"),
@@ -132,6 +132,8 @@ std::vector<Setting> MakeSettings() {
       GEM_SETTING("scan_bytes_max", scan_bytes_max, "bytes of the points of one scan"),
       GEM_SETTING("points_max", points_max, "points of one scan"),
       GEM_SETTING("queue_bytes_max", queue_bytes_max, "bytes that wait for one session"),
+      GEM_SETTING("waiting_scans_max", waiting_scans_max,
+                  "scans of one session that wait for poses"),
       GEM_SETTING("message_bytes_max", message_bytes_max, "bytes of any message"),
       GEM_SETTING("streams_per_connection_max", streams_per_connection_max,
                   "calls on one connection"),

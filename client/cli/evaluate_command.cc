@@ -88,7 +88,6 @@ absl::Status Evaluate(const EvaluateFlags& flags) {
     return absl::InvalidArgumentError(
         absl::StrCat("there is no experiment \"", flags.name, "\"; see gem evaluate --help"));
   const fs::path out = flags.out_dir;
-  const std::string plot_dir = out.filename().empty() ? "." : out.filename().string();
   std::string text;
   for (const Experiment* experiment : chosen) {
     const auto begin = std::chrono::steady_clock::now();
@@ -96,7 +95,7 @@ absl::Status Evaluate(const EvaluateFlags& flags) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     PrintFigures(report, elapsed.count());
     GEM_RETURN_IF_ERROR(WritePlots(report, out / report.name));
-    absl::StrAppend(&text, evaluation::Markdown(report, plot_dir), "\n");
+    absl::StrAppend(&text, evaluation::Markdown(report, flags.out_dir), "\n");
     GEM_RETURN_IF_ERROR(
         WriteFileAtomically(out / report.name / "report.md", evaluation::Markdown(report, "..")));
   }

@@ -24,7 +24,7 @@ struct MapExportFlags {
 };
 
 absl::Status ExportMap(const MapExportFlags& flags) {
-  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer));
+  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer, GlobalMapLayers()));
   GEM_ASSIGN_OR_RETURN(const ExportFormat format, ParseExportFormat(flags.file.format));
   std::optional<Region> region;
   if (!flags.region.empty())
@@ -39,7 +39,7 @@ absl::Status ExportMap(const MapExportFlags& flags) {
                         absl::StrCat("map ", flags.map, ": ", placed.status().message()));
   GEM_ASSIGN_OR_RETURN(const std::string contents, Export(*placed, layer, format));
   GEM_RETURN_IF_ERROR(WriteFileAtomically(flags.file.out, contents));
-  std::printf("%s: %s of map %s, %d x %d cells of %.9g m, version %llu.%llu\n",
+  std::printf("%s: %s of map %s, %d x %d cells of %g m, version %llu.%llu\n",
               flags.file.out.c_str(), flags.file.layer.c_str(), flags.map.c_str(),
               placed->grid.columns, placed->grid.rows, placed->grid.cell_size_m,
               static_cast<unsigned long long>(tiled.matrix.version.epoch),
@@ -52,7 +52,7 @@ absl::Status ExportMap(const MapExportFlags& flags) {
 void AddExportCommand(CLI::App& app, std::function<absl::Status()>& run) {
   CLI::App* command = app.add_subcommand("export", "Write the global map to a file");
   const auto flags = std::make_shared<MapExportFlags>();
-  AddExportFlags(*command, flags->file);
+  AddExportFlags(*command, GlobalMapLayers(), flags->file);
   command->add_option("--map", flags->map, "Map to export")->capture_default_str();
   command
       ->add_option("--region", flags->region,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/grid/layered_grid.h"
@@ -20,9 +21,13 @@ struct ExportFlags {
   std::string out;
 };
 
-void AddExportFlags(CLI::App& command, ExportFlags& flags);
+/// The layers that a command can write, as they are typed.
+std::vector<Layer> GlobalMapLayers();  ///< all but slope and roughness
+std::vector<Layer> LocalMapLayers();   ///< all
 
-/// INVALID_ARGUMENT lists the layers there are.
-absl::StatusOr<Layer> ParseLayerFlag(const std::string& name);
+void AddExportFlags(CLI::App& command, const std::vector<Layer>& layers, ExportFlags& flags);
+
+/// INVALID_ARGUMENT lists `layers` as they are typed.
+absl::StatusOr<Layer> ParseLayerFlag(const std::string& name, const std::vector<Layer>& layers);
 
 }  // namespace gem::client

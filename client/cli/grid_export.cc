@@ -51,7 +51,9 @@ absl::StatusOr<ExportFormat> ParseExportFormat(const std::string& name) {
 
 std::vector<Layer> LayersToRead(Layer layer, ExportFormat format) {
   std::vector<Layer> layers = {Layer::kElevation};
-  if (format == ExportFormat::kPng) layers.push_back(Layer::kTraversability);
+  // An orthophoto is drawn from the colours alone.
+  if (format == ExportFormat::kPng && layer != Layer::kColor)
+    layers.push_back(Layer::kTraversability);
   if (std::find(layers.begin(), layers.end(), layer) == layers.end()) layers.push_back(layer);
   return layers;
 }
@@ -69,6 +71,7 @@ absl::StatusOr<std::string> Export(const PlacedGrid& map, Layer layer, ExportFor
     case ExportFormat::kPng:
       break;
   }
+  if (layer == Layer::kColor) return ToPng(DrawOrthophoto(map));
   PictureOptions options;
   options.layer = layer;
   return ToPng(Draw(map, options));

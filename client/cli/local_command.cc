@@ -24,7 +24,7 @@ struct LocalFlags {
 };
 
 absl::Status ExportLocalMap(const LocalFlags& flags) {
-  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer));
+  GEM_ASSIGN_OR_RETURN(const Layer layer, ParseLayerFlag(flags.file.layer, LocalMapLayers()));
   GEM_ASSIGN_OR_RETURN(const ExportFormat format, ParseExportFormat(flags.file.format));
   const MapClient client(std::make_shared<const Connection>(ConnectionOptions{flags.file.server}));
   GEM_ASSIGN_OR_RETURN(LocalMap local, client.GetLocalMap(flags.robot, {LayersToRead(layer, format),
@@ -34,11 +34,11 @@ absl::Status ExportLocalMap(const LocalFlags& flags) {
   GEM_ASSIGN_OR_RETURN(const std::string contents, Export(placed, layer, format));
   GEM_RETURN_IF_ERROR(WriteFileAtomically(flags.file.out, contents));
   const std::vector<std::uint8_t>& valid = placed.grid.Find(layer)->valid;
-  std::printf(
-      "%s: %s of robot %s after scan %llu, %d x %d cells of %.9g m in O, %lld with a value\n",
-      flags.file.out.c_str(), flags.file.layer.c_str(), flags.robot.c_str(),
-      static_cast<unsigned long long>(local.seq), placed.grid.columns, placed.grid.rows,
-      placed.grid.cell_size_m, static_cast<long long>(std::count(valid.begin(), valid.end(), 1)));
+  std::printf("%s: %s of robot %s after scan %llu, %d x %d cells of %g m in O, %lld with a value\n",
+              flags.file.out.c_str(), flags.file.layer.c_str(), flags.robot.c_str(),
+              static_cast<unsigned long long>(local.seq), placed.grid.columns, placed.grid.rows,
+              placed.grid.cell_size_m,
+              static_cast<long long>(std::count(valid.begin(), valid.end(), 1)));
   return absl::OkStatus();
 }
 
@@ -48,7 +48,7 @@ void AddLocalCommand(CLI::App& app, std::function<absl::Status()>& run) {
   CLI::App* command =
       app.add_subcommand("local", "Write the newest robocentric map of a robot to a file");
   const auto flags = std::make_shared<LocalFlags>();
-  AddExportFlags(*command, flags->file);
+  AddExportFlags(*command, LocalMapLayers(), flags->file);
   command->add_option("--robot", flags->robot, "Id of the robot")->capture_default_str();
   command->callback([flags, &run] { run = [flags] { return ExportLocalMap(*flags); }; });
 }

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <string>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -19,7 +20,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr char kSensor[] = "lidar";
 constexpr std::uint64_t kProblemsShownMax = 10;
 
 /// What the server refused, collected from a thread of the library.
@@ -69,7 +69,8 @@ class StreamRun {
     IngestOptions options;
     GEM_ASSIGN_OR_RETURN(options.point_encoding, ParsePointEncoding(flags_.points));
     options.on_problem = [this](const IngestProblem& problem) { problems_.Add(problem); };
-    setup_.sensors = {{kSensor, source_.T_B_S(), source_.noise()}};
+    sensor_ = source_.noise().along_beam ? "lidar" : "camera";
+    setup_.sensors = {{sensor_, source_.T_B_S(), source_.noise()}};
     const auto connection = std::make_shared<const Connection>(ConnectionOptions{flags_.server});
     map_ = std::make_unique<MapClient>(connection);
     GEM_ASSIGN_OR_RETURN(ingest_, IngestClient::Open(connection, setup_, options));
@@ -92,7 +93,7 @@ class StreamRun {
             begin_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
                          static_cast<double>(num_sent_) / *rate_hz_)));
       GEM_RETURN_IF_ERROR(
-          ingest_->Send({scan.stamp_ns, kSensor, scan.T_O_B, std::nullopt, scan.points}));
+          ingest_->Send({scan.stamp_ns, sensor_, scan.T_O_B, std::nullopt, scan.points}));
       ++num_sent_;
       num_points_ += scan.points.size();
       bar.Show(seq);
@@ -155,6 +156,7 @@ class StreamRun {
 
   ScanSource& source_;
   SessionSetup setup_;
+  std::string sensor_;
   const StreamFlags& flags_;
   CorrectionPlan plan_;
   std::optional<double> rate_hz_;

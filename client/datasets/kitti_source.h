@@ -1,33 +1,21 @@
-// Scans of a KITTI directory: velodyne/*.bin, times.txt and pose files. Everything but the points
-// is read and checked when the source is opened.
+// Scans of a KITTI directory: velodyne/*.bin, times.txt and pose files, coloured by a camera if
+// wanted. Everything but the points and the images is read and checked when the source is opened.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/datasets/pose_file.h"
+#include "client/camera/camera_model.h"
+#include "client/datasets/kitti_layout.h"
 #include "client/scan_source.h"
 
 namespace gem {
-
-/// What the rows of KITTI's pose files are the poses of.
-enum class KittiPoseFrame {
-  /// kCamera if the poses file is called poses.txt and calib.txt has a line "Tr" (the layout of the
-  /// odometry benchmark), else kVelodyne.
-  kAutomatic,
-  /// T_G_velodyne.
-  kVelodyne,
-  /// Camera 0 against its first pose: T_G_velodyne = Tr^-1 * P * Tr, so that G is the first
-  /// velodyne frame.
-  kCamera,
-};
-
-/// "auto", "velodyne" or "camera".
-absl::StatusOr<KittiPoseFrame> ParseKittiPoseFrame(const std::string& text);
 
 struct KittiOptions {
   /// Holds velodyne/*.bin (float32 x y z intensity), times.txt (seconds, one a line) and the pose
@@ -40,6 +28,9 @@ struct KittiOptions {
   std::string corrected;
   /// Of both pose files.
   KittiPoseFrame pose_frame = KittiPoseFrame::kAutomatic;
+  /// Colours the points: directory with a PNG for each scan, of the scan's name; image_0 to
+  /// image_3, the cameras that P0 to P3 of calib.txt describe. Needs Tr. Empty: no colours.
+  std::string color_images = {};
 };
 
 /// The base B is the velodyne itself: T_B_S is the identity. Not thread-safe.
@@ -56,9 +47,24 @@ class KittiSource : public ScanSource {
 
   /// Points that were not finite, so far.
   std::uint64_t num_points_dropped() const { return num_points_dropped_; }
+  /// Points that an image coloured, so far.
+  std::uint64_t num_points_colored() const { return num_points_colored_; }
+  /// Scans without an image, so far; 0 if none was asked for.
+  std::uint64_t num_scans_without_image() const { return num_scans_without_image_; }
 
  private:
+  /// The camera that colours the points.
+  struct ColorCamera {
+    std::string dir;
+    CameraModel model;
+    Pose<Camera, Sensor> T_C_S;
+  };
+
   KittiSource() = default;
+  static absl::StatusOr<ColorCamera> OpenColorCamera(const KittiOptions& options,
+                                                     const std::vector<std::string>& scan_paths);
+  absl::Status ReadPoints(const std::string& path, std::vector<ScanPoint>& points);
+  absl::Status ColorPoints(const std::string& scan_path, std::vector<ScanPoint>& points);
 
   std::string name_;
   NoiseModel noise_;
@@ -66,8 +72,11 @@ class KittiSource : public ScanSource {
   std::vector<std::int64_t> stamps_ns_;
   std::vector<RigidTransform> poses_;
   std::vector<RigidTransform> corrected_;  // empty: none
+  std::optional<ColorCamera> color_camera_;
   std::size_t next_ = 0;
   std::uint64_t num_points_dropped_ = 0;
+  std::uint64_t num_points_colored_ = 0;
+  std::uint64_t num_scans_without_image_ = 0;
 };
 
 }  // namespace gem

@@ -71,7 +71,7 @@ class Painter {
         elevation_(*map.grid.Find(Layer::kElevation)),
         traversability_(*map.grid.Find(Layer::kTraversability)),
         layer_(*map.grid.Find(layer)) {
-    if (layer_.colors.empty()) range_ = RangeOf(layer_);
+    range_ = RangeOf(layer_);
   }
 
   Rgb ColorOf(std::int32_t column, std::int32_t row) const {
@@ -105,12 +105,6 @@ class Painter {
         return traversability_.valid[cell] == 0
                    ? kNotAnnotated
                    : TraversabilityColor(traversability_.values[cell], free_);
-      case Layer::kColor: {
-        if (layer_.valid[cell] == 0) return kNotAnnotated;
-        const Rgba rgba = layer_.colors[cell];
-        return {static_cast<float>(rgba & 0xff), static_cast<float>(rgba >> 8 & 0xff),
-                static_cast<float>(rgba >> 16 & 0xff)};
-      }
       default:
         if (layer_.valid[cell] == 0) return kNotAnnotated;
         return RampColor(range_.high > range_.low
@@ -173,36 +167,89 @@ Scale ScaleOf(const LayeredGrid& grid, const PictureOptions& options) {
   return {std::clamp(wanted, 1, std::max(1, side_max / side_cells)), 1};
 }
 
+/// The cells that a pixel shows.
+struct PixelCells {
+  std::int32_t column_begin, column_end, row_begin, row_end;
+};
+struct PictureSize {
+  std::int32_t width = 0, height = 0;
+};
+PictureSize SizeOf(const LayeredGrid& grid, const Scale& scale) {
+  const auto pixels_of = [&scale](std::int32_t cells) {
+    return (cells + scale.cells_per_pixel - 1) / scale.cells_per_pixel * scale.pixels_per_cell;
+  };
+  return {pixels_of(grid.columns), pixels_of(grid.rows)};
+}
+/// Calls `visit` with the cells of each pixel, from the top left by rows. The top row of the
+/// picture is the northernmost of the map.
+template <typename Visitor>
+void VisitPixels(const LayeredGrid& grid, const Scale& scale, Visitor visit) {
+  const PictureSize size = SizeOf(grid, scale);
+  for (std::int32_t y = 0; y < size.height; ++y) {
+    const std::int32_t row = (size.height - 1 - y) / scale.pixels_per_cell * scale.cells_per_pixel;
+    for (std::int32_t x = 0; x < size.width; ++x) {
+      const std::int32_t column = x / scale.pixels_per_cell * scale.cells_per_pixel;
+      visit(PixelCells{column, std::min(column + scale.cells_per_pixel, grid.columns), row,
+                       std::min(row + scale.cells_per_pixel, grid.rows)});
+    }
+  }
+}
+
+/// Mean of the cells that have a colour; 0 if none has.
+Rgba MeanColor(const LayeredGrid& grid, const GridLayer& layer, const PixelCells& cells) {
+  std::uint32_t sums[3] = {};
+  std::uint32_t num_colored = 0;
+  for (std::int32_t row = cells.row_begin; row < cells.row_end; ++row) {
+    for (std::int32_t column = cells.column_begin; column < cells.column_end; ++column) {
+      const std::size_t cell =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+          static_cast<std::size_t>(column);
+      if (layer.valid[cell] == 0) continue;
+      ++num_colored;
+      for (int channel = 0; channel < 3; ++channel)
+        sums[channel] += layer.colors[cell] >> (8 * channel) & 0xff;
+    }
+  }
+  if (num_colored == 0) return 0;
+  Rgba mean = 0xff000000u;
+  for (int channel = 0; channel < 3; ++channel)
+    mean |= (sums[channel] + num_colored / 2) / num_colored << (8 * channel);
+  return mean;
+}
+
 }  // namespace
 
 Image Draw(const PlacedGrid& map, const PictureOptions& options) {
+  GEM_CHECK(options.layer != Layer::kColor);
   GEM_CHECK(map.grid.Find(Layer::kElevation) != nullptr);
   GEM_CHECK(map.grid.Find(Layer::kTraversability) != nullptr);
   GEM_CHECK(map.grid.Find(options.layer) != nullptr);
   const Scale scale = ScaleOf(map.grid, options);
   const Painter painter(map, options.layer);
-  const auto pixels_of = [&scale](std::int32_t cells) {
-    return (cells + scale.cells_per_pixel - 1) / scale.cells_per_pixel * scale.pixels_per_cell;
-  };
-  Image image{pixels_of(map.grid.columns), pixels_of(map.grid.rows), {}};
-  image.pixels.reserve(static_cast<std::size_t>(image.width) * image.height);
-  for (std::int32_t y = 0; y < image.height; ++y) {
-    // The top row of the picture is the northernmost.
-    const std::int32_t row_begin =
-        (image.height - 1 - y) / scale.pixels_per_cell * scale.cells_per_pixel;
-    const std::int32_t row_end = std::min(row_begin + scale.cells_per_pixel, map.grid.rows);
-    for (std::int32_t x = 0; x < image.width; ++x) {
-      const std::int32_t column_begin = x / scale.pixels_per_cell * scale.cells_per_pixel;
-      const std::int32_t column_end =
-          std::min(column_begin + scale.cells_per_pixel, map.grid.columns);
-      std::int32_t shown_column = column_begin, shown_row = row_begin;
-      for (std::int32_t row = row_begin; row < row_end; ++row)
-        for (std::int32_t column = column_begin; column < column_end; ++column)
-          if (painter.RankOf(column, row) < painter.RankOf(shown_column, shown_row))
-            shown_column = column, shown_row = row;
-      image.pixels.push_back(painter.ColorOf(shown_column, shown_row));
-    }
-  }
+  const PictureSize size = SizeOf(map.grid, scale);
+  Image image{size.width, size.height, {}};
+  image.pixels.reserve(static_cast<std::size_t>(size.width) * size.height);
+  VisitPixels(map.grid, scale, [&](const PixelCells& cells) {
+    std::int32_t shown_column = cells.column_begin, shown_row = cells.row_begin;
+    for (std::int32_t row = cells.row_begin; row < cells.row_end; ++row)
+      for (std::int32_t column = cells.column_begin; column < cells.column_end; ++column)
+        if (painter.RankOf(column, row) < painter.RankOf(shown_column, shown_row))
+          shown_column = column, shown_row = row;
+    image.pixels.push_back(painter.ColorOf(shown_column, shown_row));
+  });
+  return image;
+}
+
+TransparentImage DrawOrthophoto(const PlacedGrid& map, const PictureOptions& options) {
+  const GridLayer* color = map.grid.Find(Layer::kColor);
+  GEM_CHECK(color != nullptr);
+  const Scale scale = ScaleOf(map.grid, options);
+  const PictureSize size = SizeOf(map.grid, scale);
+  TransparentImage image{size.width, size.height, {}};
+  image.pixels.reserve(static_cast<std::size_t>(size.width) * size.height);
+  VisitPixels(map.grid, scale, [&](const PixelCells& cells) {
+    image.pixels.push_back(MeanColor(map.grid, *color, cells));
+  });
   return image;
 }
 

@@ -28,12 +28,23 @@ Lidar::Lidar(const LidarOptions& options) : options_(options) {
   }
 }
 
+// Where the beam really points, beside where it is believed to.
+Eigen::Vector3d Lidar::AcrossBeam(const Eigen::Vector3d& beam_S, double range_m,
+                                  Random& random) const {
+  const double sigma_m = options_.sigma_lateral_m + options_.sigma_lateral_per_m * range_m;
+  const Eigen::Vector3d left = beam_S.unitOrthogonal();
+  const Eigen::Vector3d up = beam_S.cross(left);
+  const double left_m = sigma_m * random.Gaussian();
+  return left_m * left + sigma_m * random.Gaussian() * up;
+}
+
 void Lidar::Scan(const World& world, const Pose<Global, Sensor>& T_G_S, double time_s,
                  std::uint64_t seed, std::uint64_t scan, std::vector<ScanPoint>& points) const {
   points.clear();
   Random random(seed, scan);
   const RayCaster caster(world, T_G_S.translation(), options_.range_m_max, time_s);
   const Eigen::Matrix3d R_G_S = T_G_S.matrix();
+  const double sigma_across = options_.sigma_lateral_m + options_.sigma_lateral_per_m;
   for (const Eigen::Vector3d& beam_S : beams_S_) {
     // Lost before it is cast: the random numbers do not depend on what the beam would have hit.
     const bool lost = options_.dropout > 0 && random.Uniform() < options_.dropout;
@@ -44,8 +55,10 @@ void Lidar::Scan(const World& world, const Pose<Global, Sensor>& T_G_S, double t
     if (!hit) continue;
     const double range_m = hit->range_m + noise_m;
     if (range_m < options_.range_m_min || range_m > options_.range_m_max) continue;
-    const Eigen::Vector3f p_S = (range_m * beam_S).cast<float>();
-    points.push_back({p_S.x(), p_S.y(), p_S.z(), 0});
+    Eigen::Vector3d p_S = range_m * beam_S;
+    if (sigma_across > 0) p_S += AcrossBeam(beam_S, hit->range_m, random);
+    const Eigen::Vector3f rounded_S = p_S.cast<float>();
+    points.push_back({rounded_S.x(), rounded_S.y(), rounded_S.z(), 0});
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "client/simulation/random.h"
 #include "client/simulation/world.h"
 #include "core/geometry/pose.h"
 #include "core/sensor/scan.h"
@@ -23,6 +24,10 @@ struct LidarOptions {
   double range_m_max = 80.0;
   /// Of the range, metres.
   double sigma_range_m = 0.018;
+  /// Across the beam, in both directions: at the sensor, and for each metre of range. The scenes do
+  /// without.
+  double sigma_lateral_m = 0;
+  double sigma_lateral_per_m = 0;
   /// Share of beams that come back with nothing.
   double dropout = 0.01;
 };
@@ -41,6 +46,8 @@ class Lidar {
             std::uint64_t seed, std::uint64_t scan, std::vector<ScanPoint>& points) const;
 
  private:
+  Eigen::Vector3d AcrossBeam(const Eigen::Vector3d& beam_S, double range_m, Random& random) const;
+
   // Constant after construction.
   LidarOptions options_;
   std::vector<Eigen::Vector3d> beams_S_;  ///< unit vectors, a column after the other

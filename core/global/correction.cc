@@ -1,5 +1,6 @@
 #include "core/global/correction.h"
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
@@ -108,6 +109,49 @@ Pose<Global, Odom> SessionTrajectory::T_G_O(std::int64_t stamp_ns, const Point<O
 
 Pose<Global, Odom> SessionTrajectory::T_G_O(std::int64_t stamp_ns) const {
   return T_G_O(stamp_ns, PositionAt(stamp_ns));
+}
+
+Pose<Global, Odom> SessionTrajectory::T_G_O(const std::vector<SubmapPart>& parts,
+                                            const Pose<Odom, Submap>& T_O_K) const {
+  GEM_CHECK(!parts.empty());
+  struct Moved {
+    Eigen::Vector3d from_m, to_m;  // in O, in G
+    Eigen::Matrix3d R_G_O;
+  };
+  std::vector<Moved> moved;
+  moved.reserve(parts.size());
+  Eigen::Vector3d from_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d to_m = Eigen::Vector3d::Zero();
+  double num_cells = 0;
+  const Pose<Global, Odom> first = T_G_O(parts.front().stamp_ns, T_O_K * parts.front().middle);
+  bool alike = true;
+  for (const SubmapPart& part : parts) {
+    const Point<Odom> middle = T_O_K * part.middle;
+    const Pose<Global, Odom> C = T_G_O(part.stamp_ns, middle);
+    alike = alike && Identical(C, first);
+    moved.push_back({middle.xyz(), (C * middle).xyz(), C.matrix()});
+    from_m += part.num_cells * moved.back().from_m;
+    to_m += part.num_cells * moved.back().to_m;
+    num_cells += part.num_cells;
+  }
+  if (alike) return first;
+  from_m /= num_cells;
+  to_m /= num_cells;
+
+  // Kabsch. The cells of a part spread about its middle, and its C turns them.
+  Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    moments +=
+        parts[i].num_cells * ((moved[i].to_m - to_m) * (moved[i].from_m - from_m).transpose() +
+                              parts[i].spread_m2 * moved[i].R_G_O);
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(moments, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
+  if (R.determinant() < 0) {
+    Eigen::Matrix3d U = svd.matrixU();
+    U.col(2) = -U.col(2);
+    R = U * svd.matrixV().transpose();
+  }
+  return RoundPose({Eigen::Quaterniond(R).normalized(), to_m - R * from_m});
 }
 
 Point<Odom> SessionTrajectory::PositionAt(std::int64_t stamp_ns) const {

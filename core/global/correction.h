@@ -7,6 +7,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/trajectory.h"
+#include "core/global/submap_part.h"
 
 namespace gem {
 
@@ -47,6 +48,13 @@ class SessionTrajectory {
 
   /// The same about the position that odometry gives for the stamp.
   Pose<Global, Odom> T_G_O(std::int64_t stamp_ns) const;
+
+  /// The one rigid motion that comes nearest to moving each part of a submap by C at its own stamp:
+  /// least squares over its cells. Odometry drifts while a submap grows, and a correction knows by
+  /// how much. With C at one stamp, the error of that one pose would turn the whole submap. At
+  /// least one part.
+  Pose<Global, Odom> T_G_O(const std::vector<SubmapPart>& parts,
+                           const Pose<Odom, Submap>& T_O_K) const;
 
   /// Empty before the first odometry.
   const Trajectory<Odom, Base>& odometry() const { return odometry_; }

@@ -265,8 +265,7 @@ void GlobalMapper::Impl::PlaceSubmaps(const std::vector<CollectedSubmap>& collec
   for (const CollectedSubmap& is : collected) {
     const SubmapOrigin& origin = is.submap->origin();
     const Pose<Global, Submap> T_G_K =
-        session_of.at(origin.session)
-            ->trajectory.T_G_O(origin.anchor_stamp_ns, Point<Odom>(origin.T_O_K.translation())) *
+        session_of.at(origin.session)->trajectory.T_G_O(is.submap->parts(), origin.T_O_K) *
         origin.T_O_K;
     while (before != content.submaps.end() && (*before)->id < is.id) ++before;
     const bool is_new = before == content.submaps.end() || (*before)->id != is.id;

@@ -39,7 +39,13 @@ CellRect BoundsOf(const std::vector<KeyedSubmapCell>& cells) {
 }  // namespace
 
 Submap::Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells)
-    : origin_(std::move(origin)), rect_(BoundsOf(cells)) {
+    : Submap(std::move(origin), cells, {}) {
+  parts_ = FindParts();
+}
+
+Submap::Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells,
+               std::vector<SubmapPart> parts)
+    : origin_(std::move(origin)), rect_(BoundsOf(cells)), parts_(std::move(parts)) {
   if (cells.empty()) return;
   BuildGroups(cells);
 
@@ -120,6 +126,40 @@ void Submap::Place(std::size_t position, const SubmapCell& cell) {
   stamp_ms_[position] = static_cast<std::uint32_t>(since_base_ns / kNsPerMs);
 }
 
+// Summed by group and position, so that the order of the cells given does not show.
+std::vector<SubmapPart> Submap::FindParts() const {
+  constexpr std::int32_t kPartsSide_max = 8;
+  int bits = 0;  // of a part's side in groups
+  while ((std::max(group_columns_, group_rows_) - 1) >> bits >= kPartsSide_max) ++bits;
+  const double side_m = (kGroupCells << bits) * static_cast<double>(origin_.cell_size_m);
+  struct Sum {
+    Eigen::Vector3d places_m = Eigen::Vector3d::Zero();
+    double since_base_ms = 0;
+    double num_cells = 0;
+  };
+  std::array<Sum, kPartsSide_max * kPartsSide_max> sums;
+  for (const Group& group : groups_) {
+    const std::int32_t column = ((group.origin.x >> kGroupBits) - group_min_.x) >> bits;
+    const std::int32_t row = ((group.origin.y >> kGroupBits) - group_min_.y) >> bits;
+    Sum& sum = sums[static_cast<std::size_t>(row * kPartsSide_max + column)];
+    group.ForEachCell([&](CellIndex cell, std::size_t position) {
+      sum.places_m += Eigen::Vector3d(CenterOf(cell.x, origin_.cell_size_m),
+                                      CenterOf(cell.y, origin_.cell_size_m),
+                                      static_cast<double>(elevation_m_[position]));
+      sum.since_base_ms += stamp_ms_[position];
+      sum.num_cells += 1;
+    });
+  }
+  std::vector<SubmapPart> parts;
+  for (const Sum& sum : sums) {
+    if (sum.num_cells == 0) continue;
+    const auto since_base_ms = static_cast<std::int64_t>(sum.since_base_ms / sum.num_cells);
+    parts.push_back({Point<Submap>(sum.places_m / sum.num_cells), side_m * side_m / 12,
+                     sum.num_cells, stamp_base_ns_ + since_base_ms * kNsPerMs});
+  }
+  return parts;
+}
+
 SubmapCell Submap::At(std::size_t position) const {
   SubmapCell cell;
   cell.state = static_cast<std::uint8_t>(rgba_[position] >> 24);
@@ -159,9 +199,9 @@ std::size_t Submap::size_bytes() const {
   for (const std::string& robot : origin_.robots) robots_bytes += sizeof(robot) + robot.capacity();
   return sizeof(*this) + origin_.session.capacity() + robots_bytes +
          group_index_.capacity() * sizeof(std::int32_t) + groups_.capacity() * sizeof(Group) +
-         elevation_m_.capacity() * sizeof(float) + covariance_m2_.capacity() * sizeof(Covariance3) +
-         rgba_.capacity() * sizeof(Rgba) + traversability_.capacity() +
-         stamp_ms_.capacity() * sizeof(std::uint32_t);
+         parts_.capacity() * sizeof(SubmapPart) + elevation_m_.capacity() * sizeof(float) +
+         covariance_m2_.capacity() * sizeof(Covariance3) + rgba_.capacity() * sizeof(Rgba) +
+         traversability_.capacity() + stamp_ms_.capacity() * sizeof(std::uint32_t);
 }
 
 }  // namespace gem

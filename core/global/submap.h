@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/geometry/pose.h"
+#include "core/global/submap_part.h"
 #include "core/grid/cell_belief.h"
 
 namespace gem {
@@ -92,6 +93,10 @@ class Submap {
   /// cells: each cell at most once, any order; within kSubmapSideCells_max of each other.
   Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells);
 
+  /// The same with given parts(): what was merged into a submap does not move it.
+  Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells,
+         std::vector<SubmapPart> parts);
+
   const SubmapOrigin& origin() const { return origin_; }
   std::size_t num_cells() const { return elevation_m_.size(); }
   bool empty() const { return num_cells() == 0; }
@@ -101,6 +106,9 @@ class Submap {
   const CellRect& rect() const { return rect_; }
   /// Groups that hold a cell, by row, then column.
   const std::vector<Group>& groups() const { return groups_; }
+  /// What its session mapped, in at most 8 by 8 pieces, by row, then column: what a correction
+  /// moves it by. At least one in a submap that is not empty.
+  const std::vector<SubmapPart>& parts() const { return parts_; }
   float elevation_m_min() const { return elevation_m_min_; }
   float elevation_m_max() const { return elevation_m_max_; }
   std::int64_t first_stamp_ns() const { return first_stamp_ns_; }
@@ -144,6 +152,7 @@ class Submap {
   }
   void BuildGroups(const std::vector<KeyedSubmapCell>& cells);
   void Place(std::size_t position, const SubmapCell& cell);
+  std::vector<SubmapPart> FindParts() const;
 
   // Constant after construction.
   SubmapOrigin origin_;
@@ -153,6 +162,7 @@ class Submap {
   std::int32_t group_rows_ = 0;
   std::vector<std::int32_t> group_index_;  ///< by row, then column: position in groups_, or -1
   std::vector<Group> groups_;
+  std::vector<SubmapPart> parts_;
   std::vector<float> elevation_m_;
   std::vector<Covariance3> covariance_m2_;
   std::vector<Rgba> rgba_;  ///< colour in the lower 24 bits, CellState in the upper 8

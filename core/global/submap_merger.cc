@@ -243,7 +243,7 @@ std::shared_ptr<const Submap> Merge(const PlacedSubmap& older, const PlacedSubma
   origin.robots.insert(origin.robots.end(), robots.begin(), robots.end());
   std::sort(origin.robots.begin(), origin.robots.end());
   origin.robots.erase(std::unique(origin.robots.begin(), origin.robots.end()), origin.robots.end());
-  return std::make_shared<const Submap>(std::move(origin), cells);
+  return std::make_shared<const Submap>(std::move(origin), cells, into.parts());
 }
 
 Maintenance Maintain(std::vector<std::shared_ptr<const PlacedSubmap>> submaps,

@@ -62,9 +62,12 @@ struct LocalMapOptions {
   /// [3, 25].
   std::int32_t plane_cells_min = 8;
 
-  // Clearing, section IV-C.
-  /// A cell is never cleared if its height minus this many standard deviations is not above the
-  /// ray. Range [0, 100].
+  // Clearing, section IV-C. An obstacle, or a known cell that is not annotated, is cleared when
+  // rays of this scan end beyond it and every azimuth bin of the cell in which rays end holds one
+  // that crosses the cell whole and passes below it. A free cell is cleared likewise, but only rays
+  // that pass at least roughness_critical_m below it count.
+  /// A ray passes below a cell only if it is below its height minus this many standard deviations.
+  /// Range [0, 100].
   float clear_sigmas = 3.0f;
 };
 

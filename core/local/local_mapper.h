@@ -39,7 +39,7 @@ struct ScanReport {
   std::uint64_t cells_evicted = 0;
   std::uint64_t cells_restarted = 0;  ///< the highest point was above the gate
   std::uint64_t cells_inflated = 0;   ///< traversable, and the highest point was below the gate
-  std::uint64_t cells_cleared = 0;    ///< an obstacle that a ray passed below
+  std::uint64_t cells_cleared = 0;    ///< what rays passed below: see LocalMapOptions
 };
 
 class LocalMapper {

@@ -5,12 +5,15 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/grid/cell_index.h"
+#include "core/sensor/deskew.h"
 #include "gem/v1/types.pb.h"
+#include "proto/wire/depth_image.h"
 #include "proto/wire/pose.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
@@ -31,7 +34,7 @@ constexpr double kScaleMax_m = 1e3;
 /// Where one value lies within a point.
 struct Column {
   bool present = false;
-  bool int16 = false;
+  v1::PointField::Type type = v1::PointField::TYPE_UNSPECIFIED;
   std::uint32_t offset = 0;
   float scale = 1;
 };
@@ -40,9 +43,13 @@ struct Layout {
   std::uint32_t stride = 0;
   std::array<Column, 3> xyz;
   Column rgba;
+  Column time_offset;
 };
 
 constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
+constexpr char kColorName[] = "rgba";
+constexpr char kTimeOffsetName[] = "time_offset";
+constexpr char kTimeOffsetShortName[] = "t";
 
 std::uint32_t WidthOf(v1::PointField::Type type) {
   switch (type) {
@@ -75,6 +82,24 @@ absl::Status CheckScale(const v1::PointField& proto, const FieldPath& field) {
   return Refuse(field, scale, absl::StrCat("0 for ", TypeName(proto.type())));
 }
 
+/// Null for a name that means nothing to us.
+Column* ColumnNamed(const std::string& name, Layout& layout) {
+  for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis)
+    if (name == kAxisNames[axis]) return &layout.xyz[axis];
+  if (name == kColorName) return &layout.rgba;
+  if (name == kTimeOffsetName || name == kTimeOffsetShortName) return &layout.time_offset;
+  return nullptr;
+}
+
+/// The types that the column may have: one or two.
+std::pair<v1::PointField::Type, v1::PointField::Type> TypesOf(const Column& column,
+                                                              const Layout& layout) {
+  if (&column == &layout.rgba) return {v1::PointField::TYPE_UINT32, v1::PointField::TYPE_UINT32};
+  if (&column == &layout.time_offset)
+    return {v1::PointField::TYPE_FLOAT32, v1::PointField::TYPE_UINT32};
+  return {v1::PointField::TYPE_FLOAT32, v1::PointField::TYPE_INT16};
+}
+
 absl::Status AddColumn(const v1::PointField& proto, const FieldPath& field, Layout& layout) {
   const std::uint32_t width = WidthOf(proto.type());
   if (width == 0) return Refuse(field.Child("type"), TypeName(proto.type()), "a known type");
@@ -84,29 +109,23 @@ absl::Status AddColumn(const v1::PointField& proto, const FieldPath& field, Layo
                   absl::StrCat("at most point_stride - width = ", layout.stride, " - ", width));
   GEM_RETURN_IF_ERROR(CheckScale(proto, field.Child("scale")));
 
-  Column* column = nullptr;
-  for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis)
-    if (proto.name() == kAxisNames[axis]) column = &layout.xyz[axis];
-  const bool is_color = proto.name() == "rgba";
-  if (is_color) column = &layout.rgba;
+  Column* column = ColumnNamed(proto.name(), layout);
   if (column == nullptr) return absl::OkStatus();
-
   if (column->present)
     return Refuse(field.Child("name"), absl::StrCat("\"", proto.name(), "\" for the second time"),
                   "each name once");
-  const bool int16 = proto.type() == v1::PointField::TYPE_INT16;
-  if (is_color && proto.type() != v1::PointField::TYPE_UINT32)
-    return Refuse(field.Child("type"), TypeName(proto.type()), "TYPE_UINT32 for rgba");
-  if (!is_color && !int16 && proto.type() != v1::PointField::TYPE_FLOAT32)
+  const auto [a, b] = TypesOf(*column, layout);
+  if (proto.type() != a && proto.type() != b)
     return Refuse(field.Child("type"), TypeName(proto.type()),
-                  absl::StrCat("TYPE_FLOAT32 or TYPE_INT16 for ", proto.name()));
+                  absl::StrCat(TypeName(a), a == b ? "" : absl::StrCat(" or ", TypeName(b)),
+                               " for ", proto.name()));
   const float scale = proto.scale() == 0 ? 1.0f : static_cast<float>(proto.scale());
-  *column = {.present = true, .int16 = int16, .offset = proto.offset(), .scale = scale};
+  *column = {.present = true, .type = proto.type(), .offset = proto.offset(), .scale = scale};
   return absl::OkStatus();
 }
 
 absl::StatusOr<Layout> LayoutFromProto(const v1::Scan& proto, const FieldPath& field) {
-  Layout layout{.stride = proto.point_stride(), .xyz = {}, .rgba = {}};
+  Layout layout{.stride = proto.point_stride(), .xyz = {}, .rgba = {}, .time_offset = {}};
   if (layout.stride < kStrideMin || layout.stride > kStrideMax)
     return Refuse(field.Child("point_stride"), absl::StrCat(layout.stride),
                   absl::StrCat(kStrideMin, " to ", kStrideMax));
@@ -133,7 +152,6 @@ absl::Status CheckSize(const v1::Scan& proto, const ScanLimits& limits, const Fi
   if (proto.point_count() > limits.points_max)
     return Refuse(count, absl::StrCat(proto.point_count()),
                   absl::StrCat("at most ", limits.points_max), ProblemReason::kTooLarge);
-  if (proto.point_count() == 0) return Refuse(count, "0", absl::StrCat("1 to ", limits.points_max));
   const std::uint64_t wanted = std::uint64_t{proto.point_count()} * proto.point_stride();
   if (bytes != wanted)
     return Refuse(field.Child("points"), absl::StrCat(bytes, " bytes"),
@@ -150,7 +168,7 @@ T Load(const char* at) {
 }
 
 float LoadAxis(const char* point, const Column& column) {
-  if (column.int16)
+  if (column.type == v1::PointField::TYPE_INT16)
     return static_cast<float>(Load<std::int16_t>(point + column.offset)) * column.scale;
   return Load<float>(point + column.offset);
 }
@@ -169,6 +187,29 @@ absl::Status RefusePoint(const ScanPoint& point, std::size_t index, const FieldP
                     absl::StrCat("at most ", kCoordinateMax_m, " in magnitude"));
   }
   return absl::InternalError("a point that is in range was refused");
+}
+
+/// Seconds; a UINT32 holds nanoseconds.
+float LoadTimeOffset_s(const char* point, const Column& column) {
+  if (column.type == v1::PointField::TYPE_UINT32)
+    return static_cast<float>(Load<std::uint32_t>(point + column.offset) * 1e-9);
+  return Load<float>(point + column.offset);
+}
+
+absl::Status DecodeTimeOffsets(const v1::Scan& proto, const Layout& layout, const FieldPath& field,
+                               std::vector<float>& time_offsets_s) {
+  time_offsets_s.resize(layout.time_offset.present ? proto.point_count() : 0);
+  const char* at = proto.points().data();
+  for (std::size_t i = 0; i < time_offsets_s.size(); ++i, at += layout.stride) {
+    time_offsets_s[i] = LoadTimeOffset_s(at, layout.time_offset);
+    if (!(std::abs(time_offsets_s[i]) <= kTimeOffsetMax_s)) [[unlikely]] {  // NaN, too
+      const FieldPath points = field.Child("points");
+      const FieldPath point = points.At(i);
+      return Refuse(point.Child(kTimeOffsetName), time_offsets_s[i],
+                    absl::StrCat("at most ", kTimeOffsetMax_s, " s in magnitude"));
+    }
+  }
+  return absl::OkStatus();
 }
 
 absl::Status DecodePoints(const v1::Scan& proto, const Layout& layout, const FieldPath& field,
@@ -236,6 +277,32 @@ absl::StatusOr<PoseCovariance> CovarianceFromProto(const v1::Scan& proto, const 
   return covariance;
 }
 
+/// True if any field of a scan of points is set: a scan that saw nothing still has a layout.
+bool HasPoints(const v1::Scan& proto) {
+  return proto.point_count() != 0 || proto.point_stride() != 0 || proto.fields_size() != 0 ||
+         !proto.points().empty();
+}
+
+absl::Status PayloadFromProto(const v1::Scan& proto, const ScanLimits& limits,
+                              const FieldPath& field, DecodedScan& scan) {
+  if (HasPoints(proto) == proto.has_depth_image())
+    return proto.has_depth_image()
+               ? Refuse(field.Child("depth_image"), "set and points are, too", "one of the two")
+               : Refuse(field.Child("points"), "without a layout and depth_image is unset",
+                        "one of the two");
+  if (proto.has_depth_image()) {
+    GEM_ASSIGN_OR_RETURN(const DepthImage image,
+                         FromProto(proto.depth_image(), limits, field.Child("depth_image")));
+    Unproject(image, scan.points);
+    scan.time_offsets_s.clear();
+    return absl::OkStatus();
+  }
+  GEM_ASSIGN_OR_RETURN(const Layout layout, LayoutFromProto(proto, field));
+  GEM_RETURN_IF_ERROR(CheckSize(proto, limits, field));
+  GEM_RETURN_IF_ERROR(DecodePoints(proto, layout, field, scan.points));
+  return DecodeTimeOffsets(proto, layout, field, scan.time_offsets_s);
+}
+
 v1::PointField* AddField(const char* name, std::uint32_t offset, v1::PointField::Type type,
                          v1::Scan* proto) {
   v1::PointField* field = proto->add_fields();
@@ -243,6 +310,14 @@ v1::PointField* AddField(const char* name, std::uint32_t offset, v1::PointField:
   field->set_offset(offset);
   field->set_type(type);
   return field;
+}
+
+/// Room for the points; returns where the first one goes.
+char* ResizePoints(std::size_t num_points, std::uint32_t stride, v1::Scan* proto) {
+  proto->set_point_count(static_cast<std::uint32_t>(num_points));
+  proto->set_point_stride(stride);
+  proto->mutable_points()->resize(num_points * stride);
+  return proto->mutable_points()->data();
 }
 
 }  // namespace
@@ -266,51 +341,53 @@ absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const Fi
     if (!covariance.ok()) return covariance.status();
     scan.covariance = *covariance;
   }
-  GEM_ASSIGN_OR_RETURN(const Layout layout, LayoutFromProto(proto, field));
-  GEM_RETURN_IF_ERROR(CheckSize(proto, limits, field));
-  return DecodePoints(proto, layout, field, scan.points);
+  return PayloadFromProto(proto, limits, field, scan);
 }
 
-void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto) {
+std::uint64_t PayloadBytes(const v1::Scan& proto) {
+  return std::uint64_t{proto.points().size()} + proto.depth_image().depth().size() +
+         proto.depth_image().rgb().size();
+}
+
+void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto,
+                   std::span<const float> time_offsets_s) {
   bool colored = false;
   for (const ScanPoint& point : points) colored |= point.rgba != 0;
-  const std::uint32_t stride = colored ? 16 : 12;
+  const std::uint32_t width = colored ? 16 : 12;
+  const std::uint32_t stride = time_offsets_s.empty() ? width : width + 4;
   proto->clear_fields();
   for (std::uint32_t axis = 0; axis < 3; ++axis)
     AddField(kAxisNames[axis], 4 * axis, v1::PointField::TYPE_FLOAT32, proto);
-  if (colored) AddField("rgba", 12, v1::PointField::TYPE_UINT32, proto);
-  proto->set_point_count(static_cast<std::uint32_t>(points.size()));
-  proto->set_point_stride(stride);
-  std::string& bytes = *proto->mutable_points();
-  bytes.resize(points.size() * stride);
-  char* to = bytes.data();
-  for (const ScanPoint& point : points) {
-    std::memcpy(to, &point, stride);
-    to += stride;
+  if (colored) AddField(kColorName, 12, v1::PointField::TYPE_UINT32, proto);
+  if (stride != width) AddField(kTimeOffsetName, width, v1::PointField::TYPE_FLOAT32, proto);
+  char* to = ResizePoints(points.size(), stride, proto);
+  for (std::size_t i = 0; i < points.size(); ++i, to += stride) {
+    std::memcpy(to, &points[i], width);
+    if (stride != width) std::memcpy(to + width, &time_offsets_s[i], sizeof(float));
   }
 }
 
-absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m,
-                                v1::Scan* proto) {
+absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto,
+                                std::span<const float> time_offsets_s) {
+  constexpr std::uint32_t kWidth = 6;
+  const std::uint32_t stride = time_offsets_s.empty() ? kWidth : kWidth + 4;
   proto->clear_fields();
   for (std::uint32_t axis = 0; axis < 3; ++axis)
     AddField(kAxisNames[axis], 2 * axis, v1::PointField::TYPE_INT16, proto)->set_scale(scale_m);
-  proto->set_point_count(static_cast<std::uint32_t>(points.size()));
-  proto->set_point_stride(6);
-  std::string& bytes = *proto->mutable_points();
-  bytes.resize(points.size() * 6);
-  char* to = bytes.data();
+  if (stride != kWidth) AddField(kTimeOffsetName, kWidth, v1::PointField::TYPE_FLOAT32, proto);
+  char* to = ResizePoints(points.size(), stride, proto);
   const FieldPath root("points");
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i, to += stride) {
     const std::array<float, 3> xyz = {points[i].x_m, points[i].y_m, points[i].z_m};
-    for (std::size_t axis = 0; axis < 3; ++axis, to += 2) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
       const double raw = std::nearbyint(static_cast<double>(xyz[axis]) / scale_m);
       if (!(std::abs(raw) <= 32767))
         return Refuse(root.At(i).Child(kAxisNames[axis]), xyz[axis],
                       absl::StrCat("at most ", 32767 * scale_m, " in magnitude"));
       const auto value = static_cast<std::int16_t>(raw);
-      std::memcpy(to, &value, sizeof(value));
+      std::memcpy(to + 2 * axis, &value, sizeof(value));
     }
+    if (stride != kWidth) std::memcpy(to + kWidth, &time_offsets_s[i], sizeof(float));
   }
   return absl::OkStatus();
 }

@@ -39,19 +39,27 @@ struct DecodedScan {
   std::optional<Pose<Odom, Base>> T_O_B;
   std::optional<PoseCovariance> covariance;
   std::vector<ScanPoint> points;
+  /// When each point was measured, relative to the stamp: at most kTimeOffsetMax_s in magnitude.
+  /// Empty: all at the stamp.
+  std::vector<float> time_offsets_s;
 };
 
-/// Fills `scan` and reuses its buffer. On an error, which names the field and carries a
-/// ProblemReason, `scan` is unspecified. Points are finite and within 1e6 m.
+/// What the robot's credit pays for: bytes of points, or of depths and colours.
+std::uint64_t PayloadBytes(const v1::Scan& proto);
+
+/// Fills `scan` and reuses its buffers; a depth image is unprojected. On an error, which names the
+/// field and carries a ProblemReason, `scan` is unspecified. Points are finite and within 1e6 m.
 absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field,
                        DecodedScan& scan);
 
 /// x, y, z as FLOAT32 and, if any point has a colour, rgba. Sets points, fields, count and stride
-/// only.
-void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto);
+/// only. time_offsets_s: one for each point, or none.
+void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto,
+                   std::span<const float> time_offsets_s = {});
 /// x, y, z as INT16 of the given scale: half of the bytes. INVALID_ARGUMENT for a point that does
 /// not fit.
-absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto);
+absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto,
+                                std::span<const float> time_offsets_s = {});
 
 /// 21 values of the upper triangle by rows; the cross terms of rotation and translation are zero.
 void CovarianceToProto(const PoseCovariance& covariance, v1::Scan* proto);

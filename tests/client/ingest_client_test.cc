@@ -358,6 +358,33 @@ TEST_F(IngestClientTest, ClosesAgainWhenTheStreamBreaksBeforeTheAnswer) {
   EXPECT_EQ(closed->version.revision, 3u);
 }
 
+TEST_F(IngestClientTest, HearsTheEndOfASessionWhoseCloseWasNotAnswered) {
+  std::vector<bool> closing;
+  server_.ingest.on_ingest = [&](int number, ServerStream& stream) -> grpc::Status {
+    v1::IngestRequest request;
+    v1::IngestResponse response;
+    if (number == 1) {
+      closing.push_back(AnswerOpen(stream, 0).closing());
+      EXPECT_TRUE(stream.Read(&request));
+      EXPECT_TRUE(request.has_close());
+      return {grpc::StatusCode::UNAVAILABLE, "the radio"};
+    }
+    EXPECT_TRUE(stream.Read(&request));
+    closing.push_back(request.open().closing());
+    response.mutable_closed()->mutable_version()->set_revision(7);
+    response.mutable_closed()->set_num_scans_not_deskewed(2);
+    stream.Write(response);
+    return grpc::Status::OK;
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  const auto closed = (*client)->Close();
+  ASSERT_TRUE(closed.ok()) << closed.status();
+  EXPECT_EQ(closed->version.revision, 7u);
+  EXPECT_EQ(closed->num_scans_not_deskewed, 2u);
+  EXPECT_THAT(closing, ElementsAre(false, true));
+}
+
 TEST_F(IngestClientTest, ComesBackAfterTheServerDrained) {
   server_.ingest.on_ingest = [&](int number, ServerStream& stream) -> grpc::Status {
     AnswerOpen(stream, 0);
@@ -440,6 +467,103 @@ TEST_F(IngestClientTest, SendsPosesBetweenScansInOrder) {
   ASSERT_TRUE((*client)->Send({17, "lidar", std::nullopt, std::nullopt, points}).ok());
   ASSERT_TRUE((*client)->Close().ok());
   EXPECT_THAT(kinds, ElementsAre("poses 17", "scan, pose 0"));
+}
+
+TEST_F(IngestClientTest, PosesOvertakeScansThatWaitForCredit) {
+  // What the user saw: the server held the credit for scans that waited for poses, and the poses
+  // stood behind a scan that waited for the credit.
+  std::vector<std::string> kinds;
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    AnswerOpen(stream, 0, kScanBytes);  // one scan
+    for (int i = 0; i < 5; ++i) {
+      v1::IngestRequest request;
+      EXPECT_TRUE(stream.Read(&request));
+      kinds.push_back(request.has_poses()
+                          ? absl::StrCat("poses ", request.poses().poses(0).stamp_ns())
+                          : absl::StrCat("scan ", request.scan().seq()));
+      // The credit comes back only once the poses are there.
+      if (kinds.size() == 3) Acknowledge(stream, 1, 1, 2 * kScanBytes);
+    }
+    return AnswerClose(stream, 1);
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  for (int i = 1; i <= 3; ++i) ASSERT_TRUE(Send(**client, i).ok());
+  for (const std::int64_t stamp_ns : {50, 150})
+    ASSERT_TRUE((*client)->SendPoses({{stamp_ns, Pose<Odom, Base>()}}).ok());
+  ASSERT_TRUE((*client)->Close().ok());
+  EXPECT_THAT(kinds, ElementsAre("scan 1", "poses 50", "poses 150", "scan 2", "scan 3"));
+}
+
+TEST_F(IngestClientTest, SendsADepthImageAndCountsItsBytes) {
+  const std::vector<std::uint16_t> depths = {1000, 2000, 3000, 4000, 5000, 6000};  // 12 bytes
+  DepthImage image;
+  image.width = 3;
+  image.height = 2;
+  image.fx_px = image.fy_px = 100;
+  image.depth = std::as_bytes(std::span(depths));
+  std::vector<v1::Scan> scans;
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    AnswerOpen(stream, 0, kScanBytes, kScanBytes);
+    scans.push_back(ReadScan(stream));
+    Acknowledge(stream, 1, 1, kScanBytes);
+    scans.push_back(ReadScan(stream));
+    return AnswerClose(stream, 1);
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  OutgoingScan scan{100, "camera", Pose<Odom, Base>(), std::nullopt, {}};
+  scan.depth_image = image;
+  ASSERT_TRUE((*client)->Send(scan).ok());
+  scan.stamp_ns = 200;
+  ASSERT_TRUE((*client)->Send(scan).ok());
+
+  image.depth = image.depth.subspan(2);
+  scan.depth_image = image;
+  EXPECT_THAT(std::string((*client)->Send(scan).message()),
+              HasSubstr("depth_image.depth is 10 bytes, want width * height * 2"));
+  const std::vector<std::uint8_t> colors(18);
+  image.depth = std::as_bytes(std::span(depths));
+  image.rgb = std::as_bytes(std::span(colors));
+  scan.depth_image = image;
+  EXPECT_THAT(std::string((*client)->Send(scan).message()),
+              HasSubstr("30 bytes of depths and colours, the server takes at most 12"));
+  const std::vector<ScanPoint> points(1);
+  scan.points = points;
+  EXPECT_THAT(std::string((*client)->Send(scan).message()),
+              HasSubstr("the scan has points and a depth image"));
+
+  ASSERT_TRUE((*client)->Close().ok());
+  ASSERT_EQ(scans.size(), 2u);
+  EXPECT_EQ(scans[1].depth_image().width(), 3u);
+  EXPECT_EQ(scans[1].depth_image().depth().substr(0, 2), (std::string{'\xe8', '\x03'}));
+  EXPECT_EQ(scans[1].point_stride(), 0u);
+}
+
+TEST_F(IngestClientTest, SendsWhenEachPointWasMeasured) {
+  std::vector<v1::Scan> scans;
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    AnswerOpen(stream, 0);
+    scans.push_back(ReadScan(stream));
+    return AnswerClose(stream, 1);
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  const std::vector<ScanPoint> points(2);
+  std::vector<float> offsets_s = {-0.05f, 0.05f};
+  OutgoingScan scan{100, "lidar", Pose<Odom, Base>(), std::nullopt, points};
+  scan.time_offsets_s = offsets_s;
+  ASSERT_TRUE((*client)->Send(scan).ok());
+  offsets_s[1] = 1.5f;
+  EXPECT_THAT(std::string((*client)->Send(scan).message()),
+              HasSubstr("time_offsets_s[1] is 1.5, want at most 1 in magnitude"));
+  scan.time_offsets_s = std::span<const float>(offsets_s).first(1);
+  EXPECT_THAT(std::string((*client)->Send(scan).message()),
+              HasSubstr("time_offsets_s has 1 values, want none or one for each of 2 points"));
+  ASSERT_TRUE((*client)->Close().ok());
+  ASSERT_EQ(scans.size(), 1u);
+  EXPECT_EQ(scans[0].point_stride(), 16u);
+  EXPECT_EQ(scans[0].fields(3).name(), "time_offset");
 }
 
 TEST_F(IngestClientTest, DoesNotWaitForeverForASilentServer) {

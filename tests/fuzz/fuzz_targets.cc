@@ -3,10 +3,12 @@
 #include <google/protobuf/stubs/logging.h>
 
 #include <cmath>
+#include <span>
 
 #include "core/base/check.h"
 #include "gem/v1/ingest_service.pb.h"
 #include "gem/v1/types.pb.h"
+#include "proto/wire/depth_image.h"
 #include "proto/wire/map.h"
 #include "proto/wire/pose.h"
 #include "proto/wire/refusal.h"
@@ -27,13 +29,22 @@ SessionConfig SmallSession() {
 
 void RunScan(const v1::Scan& scan) {
   SessionMapper mapper(SmallSession());
-  const auto intake = mapper.Take(scan, scan.seq());
+  SessionMapper::HeldScan held;
+  const auto intake = mapper.Take(scan, scan.seq(), held);
   // A refusal names its field: robots show it to people.
   GEM_CHECK(intake.ok() || !wire::FieldOf(intake.status()).empty());
   if (!intake.ok() || *intake != SessionMapper::Intake::kTaken) return;
-  if (mapper.FindPose() != SessionMapper::PoseSearch::kFound) return;
-  const ScanReport report = mapper.Fuse();
-  GEM_CHECK(report.points == scan.point_count());
+  // Poses about the stamp, so that points with time offsets are deskewed.
+  v1::PoseBatch poses;
+  wire::ToProto({{0, {}}, {2'000'000'000, Pose<Odom, Base>::FromYaw(1, {1, 2, 3})}}, &poses);
+  GEM_CHECK(mapper.AddPoses(poses).ok());
+  const auto readiness = mapper.Prepare(held, "the fuzzer does not wait");
+  GEM_CHECK(readiness.ok() || !wire::FieldOf(readiness.status()).empty());
+  if (!readiness.ok()) return;
+  GEM_CHECK(*readiness == SessionMapper::Readiness::kReady);
+  const std::size_t num_points = held.scan.points.size();
+  const ScanReport report = mapper.Fuse(held);
+  GEM_CHECK(report.points == num_points);
   const auto map = mapper.CopyLocalMap();
   for (std::size_t i = 0; i < map->num_cells(); ++i)
     GEM_CHECK(std::isfinite(map->elevation_m[i]) && std::isfinite(map->variance_m2[i]));
@@ -100,6 +111,34 @@ std::vector<std::string> IngestRequestSeeds() {
   seeds.push_back(request.SerializeAsString());
   (void)wire::PointsToProtoInt16(points, 0.001, scan);
   seeds.push_back(request.SerializeAsString());
+  scan->set_stamp_ns(1'000'000'000);
+  wire::PointsToProto(points, scan, std::vector<float>{-0.5f, 0, 0.25f});
+  seeds.push_back(request.SerializeAsString());
+  scan->clear_odom_from_base();
+  seeds.push_back(request.SerializeAsString());
+
+  scan->Clear();
+  scan->set_seq(1);
+  scan->set_stamp_ns(100);
+  scan->set_sensor("top");
+  const std::vector<std::uint16_t> depths = {1000, 0, 2000, 65535};
+  const std::vector<std::uint8_t> colors(12, 77);
+  DepthImage image;
+  image.width = image.height = 2;
+  image.fx_px = image.fy_px = 2;
+  image.cx_px = image.cy_px = 0.5;
+  image.depth = std::as_bytes(std::span(depths));
+  image.rgb = std::as_bytes(std::span(colors));
+  wire::ToProto(image, scan->mutable_depth_image());
+  seeds.push_back(request.SerializeAsString());
+  const std::vector<float> depths_m = {1, 0, std::nanf(""), 1e30f};
+  image.encoding = DepthEncoding::kFloat32;
+  image.depth = std::as_bytes(std::span(depths_m));
+  image.rgb = {};
+  image.step = 2;
+  wire::ToProto(image, scan->mutable_depth_image());
+  seeds.push_back(request.SerializeAsString());
+
   request.mutable_close();
   seeds.push_back(request.SerializeAsString());
   return seeds;

@@ -146,9 +146,85 @@ TEST(ScanFromProto, RefusesMoreThanTheLimits) {
   EXPECT_TRUE(Decode(GoodScan(), {.scan_bytes_max = 36, .points_max = 3}).ok());
 }
 
-TEST(ScanFromProto, RefusesAScanWithoutPoints) {
-  EXPECT_THAT(Decode(GoodScan({})),
-              Refused("scan.point_count", "scan.point_count is 0, want 1 to 2000000"));
+TEST(ScanFromProto, TakesAScanThatSawNothing) {
+  DecodedScan decoded;
+  decoded.points.resize(3);
+  EXPECT_TRUE(Decode(GoodScan({}), decoded).ok());
+  EXPECT_TRUE(decoded.points.empty());
+}
+
+TEST(ScanFromProto, WantsPointsOrADepthImage) {
+  v1::Scan scan;
+  scan.set_sensor("top");
+  EXPECT_THAT(Decode(scan), Refused("scan.points",
+                                    "scan.points is without a layout and depth_image is unset, "
+                                    "want one of the two"));
+  scan = GoodScan();
+  scan.mutable_depth_image();
+  EXPECT_THAT(Decode(scan), Refused("scan.depth_image",
+                                    "scan.depth_image is set and points are, too, want one of the "
+                                    "two"));
+  scan = GoodScan({});
+  scan.mutable_depth_image();
+  EXPECT_EQ(FieldOf(Decode(scan)), "scan.depth_image");
+}
+
+TEST(ScanFromProto, ReadsTimeOffsetsInSecondsAndNanoseconds) {
+  v1::Scan scan = GoodScan();
+  const std::vector<float> offsets_s = {-0.05f, 0, 0.025f};
+  PointsToProto(kPoints, &scan, offsets_s);
+  EXPECT_EQ(scan.point_stride(), 16u);
+  DecodedScan decoded;
+  ASSERT_TRUE(Decode(scan, decoded).ok());
+  EXPECT_EQ(decoded.time_offsets_s, offsets_s);
+  EXPECT_EQ(decoded.points[1].y_m, 5.5f);
+  ASSERT_TRUE(PointsToProtoInt16(kPoints, 0.01, &scan, offsets_s).ok());
+  EXPECT_EQ(scan.point_stride(), 10u);
+  ASSERT_TRUE(Decode(scan, decoded).ok());
+  EXPECT_EQ(decoded.time_offsets_s, offsets_s);
+  EXPECT_NEAR(decoded.points[1].y_m, 5.5f, 1e-5);
+
+  // As an Ouster says it: "t", nanoseconds.
+  PointsToProto(kPoints, &scan, offsets_s);
+  scan.mutable_fields(3)->set_name("t");
+  scan.mutable_fields(3)->set_type(v1::PointField::TYPE_UINT32);
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const std::uint32_t ns = i * 50'000'000;
+    std::memcpy(scan.mutable_points()->data() + 16 * i + 12, &ns, sizeof(ns));
+  }
+  ASSERT_TRUE(Decode(scan, decoded).ok());
+  EXPECT_EQ(decoded.time_offsets_s, (std::vector<float>{0, 0.05f, 0.1f}));
+
+  // The buffer does not keep them for a scan without.
+  ASSERT_TRUE(Decode(GoodScan(), decoded).ok());
+  EXPECT_TRUE(decoded.time_offsets_s.empty());
+}
+
+TEST(ScanFromProto, RefusesTimeOffsetsThatCannotBe) {
+  v1::Scan scan = GoodScan();
+  PointsToProto(kPoints, &scan, std::vector<float>{0, 1.5f, 0});
+  EXPECT_THAT(Decode(scan), Refused("scan.points[1].time_offset",
+                                    "scan.points[1].time_offset is 1.5, want at most 1 s in "
+                                    "magnitude"));
+  PointsToProto(kPoints, &scan, std::vector<float>{0, 0, kNan});
+  EXPECT_THAT(Decode(scan), Refused("scan.points[2].time_offset",
+                                    "scan.points[2].time_offset is nan, want at most 1 s in "
+                                    "magnitude"));
+  scan.mutable_fields(3)->set_type(v1::PointField::TYPE_UINT32);
+  const std::uint32_t ns = 4'000'000'000;  // negative, if it were signed
+  std::memcpy(scan.mutable_points()->data() + 12, &ns, sizeof(ns));
+  EXPECT_THAT(Decode(scan), Refused("scan.points[0].time_offset",
+                                    "scan.points[0].time_offset is 4, want at most 1 s in "
+                                    "magnitude"));
+  scan.mutable_fields(3)->set_type(v1::PointField::TYPE_INT16);
+  EXPECT_THAT(Decode(scan), Refused("scan.fields[3].type",
+                                    "scan.fields[3].type is TYPE_INT16, want TYPE_FLOAT32 or "
+                                    "TYPE_UINT32 for time_offset"));
+  // Both names mean the same.
+  PointsToProto(kPoints, &scan, std::vector<float>{0, 0, 0});
+  *scan.add_fields() = scan.fields(3);
+  scan.mutable_fields(4)->set_name("t");
+  EXPECT_EQ(FieldOf(Decode(scan)), "scan.fields[4].name");
 }
 
 TEST(ScanFromProto, NamesThePointAndTheAxisThatIsNotFinite) {

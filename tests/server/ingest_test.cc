@@ -1,6 +1,8 @@
 // The life of a session: scans in, acknowledgements and credit back, resume, takeover, end.
 #include <gmock/gmock.h>
 
+#include <limits>
+
 #include "tests/server/test_server.h"
 
 namespace gem {
@@ -116,6 +118,112 @@ TEST(Ingest, ASessionThatHasEndedCannotBeOpenedAgain) {
   EXPECT_EQ(status.error_message(), "open.session is s1, which has ended, want a new id");
 }
 
+TEST(Ingest, WhoseCloseWasNotAnsweredHearsTheAnswerOnTheNextStream) {
+  TestServer server;
+  v1::SessionClosed first;
+  {
+    TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+    ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+    ASSERT_TRUE(robot.SendClose());
+    ASSERT_TRUE(robot.ReadUntilClosed());
+    first = robot.closed();
+  }
+  v1::OpenSession open = TestOpen("r1", "s1");
+  open.set_closing(true);
+  for (int i = 0; i < 2; ++i) {
+    TestStream again(server.ingest(), open);
+    ASSERT_TRUE(again.ReadUntilClosed());
+    EXPECT_EQ(again.closed().SerializeAsString(), first.SerializeAsString());
+    EXPECT_TRUE(again.Finish().ok());
+  }
+  // It is nobody else's to hear.
+  open.set_robot("r2");
+  EXPECT_EQ(TestStream(server.ingest(), open).Finish().error_code(),
+            grpc::StatusCode::FAILED_PRECONDITION);
+}
+
+TEST(Ingest, WhoseCloseWasLostIsOpenedAgainAndCloses) {
+  TestServer server;
+  {
+    TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+    ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+    ASSERT_TRUE(robot.ReadUntilFused(1));
+    robot.Vanish();
+  }
+  v1::OpenSession open = TestOpen("r1", "s1");
+  open.set_closing(true);
+  TestStream again(server.ingest(), open);
+  EXPECT_FALSE(again.has_closed());
+  EXPECT_EQ(again.opened().resume_after_seq(), 1u);
+  ASSERT_TRUE(again.SendClose());
+  ASSERT_TRUE(again.ReadUntilClosed());
+  EXPECT_EQ(again.closed().num_scans_fused(), 1u);
+}
+
+TEST(Ingest, NothingIsLostWhenTheStreamBreaksRightAfterClose) {
+  // What the user saw: Close() failed with "has ended" although everything was in the map. However
+  // far the server is when the stream breaks, the next one hears the end.
+  TestServer server;
+  for (int i = 0; i < 20; ++i) {
+    v1::OpenSession open = TestOpen("r1", "s" + std::to_string(i));
+    {
+      TestStream robot(server.ingest(), open);
+      ASSERT_TRUE(robot.Send(FlatScan(1, 0)));
+      ASSERT_TRUE(robot.ReadUntilFused(1));
+      ASSERT_TRUE(robot.SendClose());
+      robot.Vanish();
+    }
+    open.set_closing(true);
+    TestStream again(server.ingest(), open);
+    if (!again.has_closed()) {
+      ASSERT_TRUE(again.SendClose());
+    }
+    ASSERT_TRUE(again.ReadUntilClosed());
+    EXPECT_EQ(again.closed().num_scans_fused(), 1u);
+  }
+}
+
+TEST(Ingest, ADepthImageBecomesAMap) {
+  TestServer server;
+  v1::OpenSession open = TestOpen("r1", "s1");
+  // Half a turn about x: a camera that looks straight down.
+  open.mutable_sensors(0)->mutable_base_from_sensor()->set_qw(0);
+  open.mutable_sensors(0)->mutable_base_from_sensor()->set_qx(1);
+  open.mutable_sensors(0)->mutable_depth_camera();
+  TestStream robot(server.ingest(), open);
+  // 1 m to the ground everywhere; 40 pixels span 8 m of it.
+  v1::Scan scan = FlatScan(1, 0);
+  scan.clear_points();
+  scan.clear_fields();
+  scan.clear_point_count();
+  scan.clear_point_stride();
+  v1::DepthImage& image = *scan.mutable_depth_image();
+  image.set_width(40);
+  image.set_height(40);
+  image.set_fx(5);
+  image.set_fy(5);
+  image.set_cx(19.5);
+  image.set_cy(19.5);
+  image.set_encoding(v1::DepthImage::ENCODING_FLOAT32);
+  std::vector<float> depths(1600, 1.0f);
+  depths[0] = std::numeric_limits<float>::quiet_NaN();
+  image.set_depth(depths.data(), depths.size() * sizeof(float));
+  std::string red;
+  for (int i = 0; i < 1600; ++i) red += std::string("\xff\0\0", 3);
+  image.set_rgb(red);
+  ASSERT_TRUE(robot.Send(scan));
+  ASSERT_TRUE(robot.ReadUntilFused(1));
+  EXPECT_THAT(robot.problems(), testing::IsEmpty());
+  EXPECT_EQ(robot.credit_bytes(), 1600u * 7);
+  const wire::DecodedLocalMap map = FetchLocalMap(server, "r1");
+  const GridLayer& heights = *map.grid.Find(Layer::kElevation);
+  for (std::size_t i = 0; i < heights.values.size(); ++i) {
+    ASSERT_EQ(heights.valid[i], 1) << i;
+    ASSERT_NEAR(heights.values[i], 0, 0.01) << i;
+  }
+  EXPECT_EQ(server.Metric("gem_scan_points_total{outcome=\"fused\"}"), 1599);
+}
+
 TEST(Ingest, AParkedRobotAppearsInTheMapWithoutClosing) {
   TestServer server;
   TestStream robot(server.ingest(), TestOpen("r1", "s1"));
@@ -208,49 +316,13 @@ TEST(Ingest, ASessionWithoutAStreamEndsByItself) {
 TEST(Ingest, FindsThePoseBetweenStreamedPoses) {
   TestServer server;
   TestStream robot(server.ingest(), TestOpen("r1", "s1"));
-  v1::PoseBatch poses;
-  for (const double stamp_s : {0.0, 0.2}) {
-    v1::OdometryPose* pose = poses.add_poses();
-    pose->set_stamp_ns(static_cast<std::int64_t>(stamp_s * 1e9));
-    pose->mutable_odom_from_base()->set_x(10 * stamp_s);
-    pose->mutable_odom_from_base()->set_z(1);
-    pose->mutable_odom_from_base()->set_qw(1);
-  }
-  ASSERT_TRUE(robot.Send(poses));
+  ASSERT_TRUE(robot.Send(PosesAt({0, 0.2}, 10)));
   v1::Scan scan = FlatScan(1, 0);  // at 0.1 s
   scan.clear_odom_from_base();
   ASSERT_TRUE(robot.Send(scan));
   ASSERT_TRUE(robot.ReadUntilFused(1));
   ASSERT_THAT(robot.problems(), testing::IsEmpty());
-  v1::GetLocalMapRequest request;
-  request.set_robot("r1");
-  v1::GetLocalMapResponse response;
-  ASSERT_TRUE(
-      TestServer::Call(server.tiles(), &v1::TileService::Stub::GetLocalMap, request, response)
-          .ok());
-  EXPECT_NEAR(response.local_map().odom_from_base().x(), 1.0, 1e-9);  // halfway from 0 to 2
-}
-
-TEST(Ingest, AScanWaitsForThePoseAfterIt) {
-  ServerOptions options = TestOptions();
-  options.pose_wait_s_max = 10;
-  TestServer server(options);
-  TestStream robot(server.ingest(), TestOpen("r1", "s1"));
-  const auto pose_at = [](double stamp_s) {
-    v1::PoseBatch poses;
-    v1::OdometryPose* pose = poses.add_poses();
-    pose->set_stamp_ns(static_cast<std::int64_t>(stamp_s * 1e9));
-    pose->mutable_odom_from_base()->set_z(1);
-    pose->mutable_odom_from_base()->set_qw(1);
-    return poses;
-  };
-  v1::Scan scan = FlatScan(1, 0);
-  scan.clear_odom_from_base();
-  ASSERT_TRUE(robot.Send(pose_at(0.05)));
-  ASSERT_TRUE(robot.Send(scan));  // at 0.1 s: its pose comes later
-  ASSERT_TRUE(robot.Send(pose_at(0.15)));
-  ASSERT_TRUE(robot.ReadUntilFused(1));
-  EXPECT_THAT(robot.problems(), testing::IsEmpty());
+  EXPECT_NEAR(FetchLocalMap(server, "r1").T_O_B.translation().x(), 1.0, 1e-9);  // from 0 to 2
 }
 
 TEST(Ingest, SetupsThatContradictTheMapNameTheFieldAndBothValues) {

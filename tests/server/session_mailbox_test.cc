@@ -112,6 +112,57 @@ TEST_F(SessionMailboxTest, TheEndComesAfterEverythingThatWaits) {
   EXPECT_FALSE(mailbox_.Attach(std::make_shared<Sink>()).ok());
 }
 
+TEST_F(SessionMailboxTest, ScansInHandLeaveHalfOfTheQueueToPoses) {
+  mailbox_.Enqueue(sink_.get(), ScanOf(1, 990));  // 1000 bytes: the queue is full
+  EXPECT_FALSE(mailbox_.HasRoom());
+  const SessionMailbox::Work work = mailbox_.Wait(Now());
+  EXPECT_TRUE(mailbox_.HasRoom());
+  IngestMessage poses;
+  poses.size_bytes = 499;
+  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), poses));
+  EXPECT_FALSE(mailbox_.Enqueue(sink_.get(), poses));
+  EXPECT_EQ(mailbox_.load().queue_bytes, 1998u);
+  EXPECT_EQ(mailbox_.Wait(Now()).poses.size(), 2u);
+  mailbox_.FinishPoses(poses, std::nullopt);
+  EXPECT_TRUE(mailbox_.HasRoom());
+  EXPECT_FALSE(mailbox_.idle());
+  mailbox_.FinishPoses(poses, std::nullopt);
+  mailbox_.FinishScan(*work.scan, 1, std::nullopt);
+  EXPECT_TRUE(mailbox_.idle());
+  EXPECT_EQ(mailbox_.load().queue_bytes, 0u);
+}
+
+TEST_F(SessionMailboxTest, SeveralScansMayBeInHand) {
+  mailbox_.Enqueue(sink_.get(), ScanOf(1, 10));
+  mailbox_.Enqueue(sink_.get(), ScanOf(2, 10));
+  const SessionMailbox::Work first = mailbox_.Wait(Now());
+  const SessionMailbox::Work second = mailbox_.Wait(Now());
+  EXPECT_EQ(mailbox_.load().oldest, first.scan->arrived);
+  mailbox_.FinishScan(*first.scan, 1, std::nullopt);
+  EXPECT_EQ(mailbox_.load().oldest, second.scan->arrived);
+  mailbox_.Detach(sink_.get());
+  EXPECT_FALSE(mailbox_.CloseDoor(/*only_if_alone=*/true));
+  mailbox_.FinishScan(*second.scan, 2, std::nullopt);
+  EXPECT_EQ(mailbox_.load().oldest, std::nullopt);
+  EXPECT_TRUE(mailbox_.CloseDoor(/*only_if_alone=*/true));
+}
+
+TEST_F(SessionMailboxTest, TellsTheEndToWhoeverComesBackForIt) {
+  const auto late = std::make_shared<Sink>(), later = std::make_shared<Sink>();
+  EXPECT_FALSE(mailbox_.AttachForEnd(late).ending);
+  EXPECT_EQ(mailbox_.sink(), sink_);
+  mailbox_.RequestEnd(sink_.get());
+  const SessionMailbox::EndOutlook pending = mailbox_.AttachForEnd(late);
+  EXPECT_TRUE(pending.ending);
+  EXPECT_FALSE(pending.end.has_value());
+  EXPECT_EQ(pending.previous, sink_);
+  EXPECT_EQ(mailbox_.SetEnd(SessionEnd{{1, 2}, 3, 4, 5}), late);
+  const SessionMailbox::EndOutlook known = mailbox_.AttachForEnd(later);
+  EXPECT_TRUE(known.ending);
+  ASSERT_TRUE(known.end.has_value());
+  EXPECT_EQ((*known.end)->num_scans_fused, 3u);
+}
+
 TEST_F(SessionMailboxTest, TheDoorStaysOpenForARobotThatCameBack) {
   EXPECT_FALSE(mailbox_.CloseDoor(/*only_if_alone=*/true));
   mailbox_.Detach(sink_.get());
@@ -123,7 +174,6 @@ TEST_F(SessionMailboxTest, WaitingEndsAtTheDeadlineAndWhenItStops) {
   EXPECT_FALSE(mailbox_.Wait(Now()).scan.has_value());
   mailbox_.Stop();
   EXPECT_TRUE(mailbox_.Wait(Now() + std::chrono::hours(1)).stopped);
-  EXPECT_TRUE(mailbox_.WaitForPoses(Now() + std::chrono::hours(1)).empty());
 }
 
 }  // namespace

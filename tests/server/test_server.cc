@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdlib>
 
 namespace gem {
@@ -82,14 +83,25 @@ v1::Scan FlatScan(std::uint64_t seq, double x_m, double y_m) {
   return scan;
 }
 
+v1::PoseBatch PosesAt(const std::vector<double>& stamps_s, double speed_m_per_s) {
+  v1::PoseBatch poses;
+  for (const double stamp_s : stamps_s) {
+    v1::OdometryPose* pose = poses.add_poses();
+    pose->set_stamp_ns(std::llround(stamp_s * 1e9));
+    pose->mutable_odom_from_base()->set_x(speed_m_per_s * stamp_s);
+    pose->mutable_odom_from_base()->set_z(1);
+    pose->mutable_odom_from_base()->set_qw(1);
+  }
+  return poses;
+}
+
 TestStream::TestStream(v1::IngestService::Stub& stub, const v1::OpenSession& open) {
   context_.set_deadline(TestDeadline());
   stream_ = stub.Ingest(&context_);
   v1::IngestRequest request;
   *request.mutable_open() = open;
   stream_->Write(request);
-  v1::IngestResponse response;
-  if (stream_->Read(&response)) opened_ = response.opened();
+  ReadOne();
 }
 
 TestStream::~TestStream() {
@@ -121,6 +133,7 @@ bool TestStream::SendEmpty() { return stream_->Write(v1::IngestRequest()); }
 bool TestStream::ReadOne() {
   v1::IngestResponse response;
   if (!stream_->Read(&response)) return false;
+  if (response.has_opened()) opened_ = response.opened();
   if (response.has_ack()) {
     accepted_seq_ = response.ack().accepted_seq();
     fused_seq_ = response.ack().fused_seq();
@@ -200,6 +213,18 @@ TestMap FetchMap(TestServer& server, const std::string& map) {
     if (tile.ok()) result.tiles.push_back(*tile);
   }
   return result;
+}
+
+wire::DecodedLocalMap FetchLocalMap(TestServer& server, const std::string& robot) {
+  v1::GetLocalMapRequest request;
+  request.set_robot(robot);
+  v1::GetLocalMapResponse response;
+  const grpc::Status status =
+      TestServer::Call(server.tiles(), &v1::TileService::Stub::GetLocalMap, request, response);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  const auto map = wire::FromProto(response.local_map(), wire::FieldPath("local_map"));
+  EXPECT_TRUE(map.ok()) << map.status();
+  return map.value_or(wire::DecodedLocalMap());
 }
 
 }  // namespace gem

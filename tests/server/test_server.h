@@ -84,6 +84,9 @@ inline std::int64_t StampOf(std::uint64_t seq) {
   return static_cast<std::int64_t>(seq) * 100'000'000;
 }
 
+/// Poses 1 m over O of a robot that drives along x and is at x = 0 at stamp 0.
+v1::PoseBatch PosesAt(const std::vector<double>& stamps_s, double speed_m_per_s = 0);
+
 /// A robot's end of an Ingest stream.
 class TestStream {
  public:
@@ -116,6 +119,7 @@ class TestStream {
   const std::vector<v1::ScanProblem>& problems() const { return problems_; }
   std::uint64_t problems_left_out() const { return problems_left_out_; }
   const v1::SessionClosed& closed() const { return closed_; }
+  bool has_closed() const { return has_closed_; }
   bool drained() const { return drained_; }
 
  private:
@@ -144,5 +148,6 @@ struct TestMap {
   std::vector<std::pair<CellIndex, float>> Cells() const;
 };
 TestMap FetchMap(TestServer& server, const std::string& map);
+wire::DecodedLocalMap FetchLocalMap(TestServer& server, const std::string& robot);
 
 }  // namespace gem

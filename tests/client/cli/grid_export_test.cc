@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "client/cli/export_flags.h"
 #include "client/formats/esri_ascii.h"
+#include "client/formats/png_file.h"
 #include "tests/client/grid_samples.h"
 #include "tests/client/temporary_directory.h"
 
@@ -54,6 +56,36 @@ TEST(GridExport, ReadsElevationWithEveryLayerAndTraversabilityForPictures) {
               ElementsAre(Layer::kElevation, Layer::kVariance));
   EXPECT_THAT(LayersToRead(Layer::kVariance, ExportFormat::kPng),
               ElementsAre(Layer::kElevation, Layer::kTraversability, Layer::kVariance));
+}
+
+TEST(GridExport, ReadsNoTraversabilityForAnOrthophoto) {
+  EXPECT_THAT(LayersToRead(Layer::kColor, ExportFormat::kPng),
+              ElementsAre(Layer::kElevation, Layer::kColor));
+}
+
+TEST(GridExport, DrawsAnOrthophotoOfTheColours) {
+  PlacedGrid map = Sample();
+  map.grid.layers.erase(map.grid.layers.begin() + 1);  // no traversability
+  map.grid.layers.push_back({Layer::kColor, {1, 0, 0, 0}, {}, {0xff030201u, 0, 0, 0}});
+  const TemporaryDirectory dir;
+  const Image image =
+      ReadPng(dir.Write("map.png", Export(map, Layer::kColor, ExportFormat::kPng).value())).value();
+  // The south-western cell is at the lower left.
+  EXPECT_EQ(image.At(0, image.height - 1), (Rgb{1, 2, 3}));
+}
+
+TEST(ExportFlags, ListTheLayersAsTheyAreTyped) {
+  const auto error = [](const char* name, const std::vector<Layer>& layers) {
+    return std::string(ParseLayerFlag(name, layers).status().message());
+  };
+  EXPECT_EQ(error("LAYER_COLOR", GlobalMapLayers()),
+            "--layer is \"LAYER_COLOR\", want one of elevation, variance, traversability, color, "
+            "age");
+  EXPECT_EQ(error("slope", GlobalMapLayers()),
+            "--layer is \"slope\", want one of elevation, variance, traversability, color, age: "
+            "tiles have no other, gem local has");
+  EXPECT_EQ(ParseLayerFlag("slope", LocalMapLayers()).value(), Layer::kSlope);
+  EXPECT_EQ(ParseLayerFlag("color", GlobalMapLayers()).value(), Layer::kColor);
 }
 
 TEST(GridExport, NamesTheFormatItDoesNotKnow) {

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <limits>
 
+#include "client/formats/png_file.h"
 #include "tests/client/temporary_directory.h"
 
 namespace gem {
@@ -186,6 +187,51 @@ TEST_F(KittiSourceTest, TakesAnEmptyScan) {
   SourceScan scan;
   ASSERT_TRUE((*source)->Next(scan).value());
   EXPECT_TRUE(scan.points.empty());
+}
+
+/// A camera that looks along the velodyne's x: red on the left, blue on the right.
+class KittiColorTest : public KittiSourceTest {
+ protected:
+  KittiColorTest() {
+    dir_.Write("calib.txt", "P2: 10 0 20 0 0 10 10 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n");
+    Image image{40, 20, {}};
+    for (int i = 0; i < 800; ++i)
+      image.pixels.push_back(i % 40 < 20 ? Rgb{255, 0, 0} : Rgb{0, 0, 255});
+    dir_.Write("image_2/000003.png", ToPng(image).value());
+    // To the left, to the right, behind.
+    dir_.Write("velodyne/000003.bin", Bin({4, 2, 0, 0, 4, -2, 0, 0, -4, 0, 0, 0}));
+    options_.color_images = "image_2";
+  }
+};
+
+TEST_F(KittiColorTest, ColoursWhatTheCameraSees) {
+  const auto source = KittiSource::Open(options_);
+  ASSERT_TRUE(source.ok()) << source.status();
+  SourceScan scan;
+  ASSERT_TRUE((*source)->Next(scan).value());
+  ASSERT_EQ(scan.points.size(), 3u);
+  EXPECT_EQ(scan.points[0].rgba, 0xff0000ffu);
+  EXPECT_EQ(scan.points[1].rgba, 0xffff0000u);
+  EXPECT_EQ(scan.points[2].rgba, 0u);
+  EXPECT_EQ((*source)->num_points_colored(), 2u);
+  EXPECT_EQ((*source)->num_scans_without_image(), 0u);
+  // The second scan has no image: it keeps its points, without colours.
+  ASSERT_TRUE((*source)->Next(scan).value());
+  EXPECT_EQ(scan.points.at(0).rgba, 0u);
+  EXPECT_EQ((*source)->num_scans_without_image(), 1u);
+}
+
+TEST_F(KittiColorTest, SaysWhatIsMissing) {
+  options_.color_images = "photos";
+  EXPECT_THAT(OpenError(), HasSubstr("photos: want a directory called image_0 to image_3"));
+  options_.color_images = "image_3";
+  EXPECT_THAT(OpenError(), HasSubstr("image_3: no image of any scan, such as 000003.png"));
+  options_.color_images = "image_2/";
+  EXPECT_EQ(OpenError(), "no error");
+  dir_.Write("calib.txt", "Tr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n");
+  EXPECT_THAT(OpenError(), HasSubstr("calib.txt: no line \"P2:\""));
+  dir_.Write("calib.txt", "P2: 10 0 20 0 0 10 10 0 0 0 1 0\n");
+  EXPECT_THAT(OpenError(), HasSubstr("calib.txt: no line \"Tr:\", which colours"));
 }
 
 TEST(KittiPoseFrame, IsSpelledInOneOfThreeWays) {
