@@ -161,17 +161,15 @@ absl::StatusOr<DriveFindings> Investigate(Drive drive, const Settings& settings,
   MapReplay uncorrected(run, MapOptions(false, settings.threads), T_G_O);
   uncorrected.TellUntil(seated.size());
   uncorrected.Commit();
-  findings.uncorrected =
-      Look("left where odometry put it", run, uncorrected.snapshot(), false, truth);
+  findings.uncorrected = Look("odometry", run, uncorrected.snapshot(), false, truth);
 
   MapReplay deformed(run, MapOptions(false, settings.threads), T_G_O);
   GEM_RETURN_IF_ERROR(CorrectAtLoops(town, run, closures, deformed));
-  findings.deformed = Look("deformed at every loop", run, deformed.snapshot(), false, truth);
+  findings.deformed = Look("deformed", run, deformed.snapshot(), false, truth);
 
   MapReplay finer(runs.finer->run(), MapOptions(false, settings.threads), T_G_O);
   GEM_RETURN_IF_ERROR(CorrectAtLoops(town, runs.finer->run(), closures, finer));
-  findings.finer =
-      Look("the same with submaps of 10 m", runs.finer->run(), finer.snapshot(), false, truth);
+  findings.finer = Look("deformed, 10 m", runs.finer->run(), finer.snapshot(), false, truth);
 
   MapReplay once(run, MapOptions(false, settings.threads), T_G_O);
   GEM_RETURN_IF_ERROR(CorrectAtLoops(town, run, {}, once));
@@ -179,15 +177,14 @@ absl::StatusOr<DriveFindings> Investigate(Drive drive, const Settings& settings,
 
   MapReplay merged(run, MapOptions(true, settings.threads), T_G_O);
   GEM_RETURN_IF_ERROR(CorrectAtLoops(town, run, closures, merged));
-  findings.merged = Look("deformed, and merged", run, merged.snapshot(), true, truth);
+  findings.merged = Look("deformed, merged", run, merged.snapshot(), true, truth);
   settings.progress(seated.name, begin + 0.95 * share);
 
   const SubmapRun& start_run = runs.corrected->run();
   MapReplay from_start(start_run, MapOptions(false, settings.threads), {});
   from_start.TellUntil(seated.size());
   from_start.Commit();
-  findings.from_start =
-      Look("built from the corrected poses", start_run, from_start.snapshot(), false, truth);
+  findings.from_start = Look("corrected poses", start_run, from_start.snapshot(), false, truth);
   return findings;
 }
 
@@ -413,7 +410,11 @@ absl::StatusOr<Report> RunConsistency(const Settings& settings) {
       "the robot is told odometry. Map: 12 x 12 m at 0.2 m (the paper's for Fig. 15 and 16), "
       "submaps of 20 m, not merged except where said. A loop is closed when the truth comes within "
       "5 m of a place that it passed more than 60 s ago, at most once in 50 scans; then the map is "
-      "told the corrected poses of all scans so far, and once more at the end. *Deviation*: free "
+      "told the corrected poses of all scans so far, and once more at the end. The maps: "
+      "*odometry*, left where odometry put it; *deformed* "
+      "at every loop, from submaps of 20 m, and *10 m*; *corrected poses*, built from these from "
+      "the "
+      "start; *merged*, with maintenance at work. *Deviation*: free "
       "cells of G that two passes at least 60 s apart saw, later height less first height. *Road "
       "error*: heights of free cells within 2 m of the way less the town's ground.\n",
       which);

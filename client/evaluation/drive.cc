@@ -116,20 +116,24 @@ double InventedHeight_m(const Eigen::Vector2d& p_m) {
          0.15 * std::sin(p_m.x() / 7) * std::sin(p_m.y() / 9);
 }
 
-/// On a path, with odometry that drifts; the sensor leans with the way, but not sideways.
-Drive DriveAlong(const Path& path, std::size_t num_scans, double spacing_m, double drift_scale,
-                 std::uint64_t seed) {
+/// On a path, with odometry that drifts; the sensor leans with the way, but not sideways. The robot
+/// weaves by so much to either side.
+Drive DriveAlong(const Path& path, std::size_t num_scans, double spacing_m, double weave_m,
+                 double drift_scale, std::uint64_t seed) {
+  constexpr double kWeavePeriod_rad_per_m = 0.17;  // no round divides it
   const DriftRates rates{.forward_m_per_m = 0.004 * drift_scale,
-                         .yaw_rad_per_m = 0.0001 * drift_scale,
+                         .yaw_rad_per_m = 0.00001 * drift_scale,
                          .height_m_per_m = 0.003 * drift_scale,
                          .position_walk_m = 0.004 * drift_scale,
-                         .yaw_walk_rad = 0.0004 * drift_scale,
+                         .yaw_walk_rad = 0.0003 * drift_scale,
                          .height_walk_m = 0.003 * drift_scale};
   Odometry odometry(rates, {}, seed);
   Drive drive;
   for (std::size_t i = 0; i < num_scans; ++i) {
     const double way_m = static_cast<double>(i) * spacing_m;
-    const PathPose at = path.At(std::fmod(way_m, path.length_m()));
+    PathPose at = path.At(std::fmod(way_m, path.length_m()));
+    at.place_m += weave_m * std::sin(kWeavePeriod_rad_per_m * way_m) *
+                  Eigen::Vector2d(-std::sin(at.yaw_rad), std::cos(at.yaw_rad));
     const Eigen::Vector2d ahead_m(std::cos(at.yaw_rad), std::sin(at.yaw_rad));
     const double rise =
         0.5 * (InventedHeight_m(at.place_m + ahead_m) - InventedHeight_m(at.place_m - ahead_m));
@@ -238,7 +242,7 @@ Drive InventedDrive(std::size_t scans_max, double drift_scale, std::uint64_t see
                    {200, 0}},
                   8.0);
   const auto whole = static_cast<std::size_t>(path.length_m() / kSpacing_m);
-  Drive drive = DriveAlong(path, std::min(whole, scans_max), kSpacing_m, drift_scale, seed);
+  Drive drive = DriveAlong(path, std::min(whole, scans_max), kSpacing_m, 0, drift_scale, seed);
   drive.name = "invented";
   drive.description =
       "streets round some blocks, in parts driven twice, with invented drift; the correction is "
@@ -250,9 +254,11 @@ Drive RoundTheBlock(std::size_t num_scans, double scan_spacing_m, double drift_s
                     std::uint64_t seed) {
   // Closed: it ends where and as it begins.
   const Path path({{30, 0}, {60, 0}, {60, 40}, {0, 40}, {0, 0}, {30, 0}}, 6.0);
-  Drive drive = DriveAlong(path, num_scans, scan_spacing_m, drift_scale, seed);
+  Drive drive = DriveAlong(path, num_scans, scan_spacing_m, 0.4, drift_scale, seed);
   drive.name = "block";
-  drive.description = "round a block of 60 x 40 m again and again, with invented drift";
+  drive.description =
+      "round a block of 60 x 40 m again and again, weaving by 0.4 m, with invented drift; the "
+      "correction is the truth";
   return drive;
 }
 

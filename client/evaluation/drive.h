@@ -54,7 +54,7 @@ absl::StatusOr<Drive> LoadNdtDrive(const std::filesystem::path& trajectories);
 /// truth.
 Drive InventedDrive(std::size_t scans_max, double drift_scale, std::uint64_t seed);
 
-/// A block of 60 x 40 m, round and round.
+/// A block of 60 x 40 m, round and round, never twice on quite the same line.
 Drive RoundTheBlock(std::size_t num_scans, double scan_spacing_m, double drift_scale,
                     std::uint64_t seed);
 
