@@ -55,11 +55,11 @@ void SessionActor::Run() {
     TakePoses(mapper, work.poses);
     const bool has_scan = work.scan.has_value();
     if (has_scan) TakeScan(mapper, *std::move(work.scan));
-    ServeLine(mapper, work.end_requested);
-    // What waits in line leaves room in the queue: the poses may be next on the stream.
-    if (has_scan && !line_.empty()) TellStream();
     const bool idle_too_long =
         Clock::now() - mailbox_->idle_since() >= Seconds(options_.session_idle_s_max);
+    ServeLine(mapper, work.end_requested || idle_too_long);
+    // What waits in line leaves room in the queue: the poses may be next on the stream.
+    if (has_scan && !line_.empty()) TellStream();
     if (work.end_requested || idle_too_long) {
       if (mailbox_->CloseDoor(/*only_if_alone=*/!work.end_requested)) {
         End(mapper);

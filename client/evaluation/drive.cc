@@ -23,6 +23,8 @@ struct Camera;
 
 constexpr std::int64_t kFirstStamp_ns = 1'000'000'000;  // zero looks like an unset field
 constexpr double kSensorHeight_m = 1.73;
+/// A pose graph puts into a few scans what odometry had gathered over a long way.
+constexpr double kSpread_m = 30;
 
 absl::StatusOr<Pose<Camera, Base>> ReadCameraFromVelodyne(const fs::path& path) {
   GEM_ASSIGN_OR_RETURN(const std::string text, ReadFile(path.string(), 1 << 20));
@@ -61,6 +63,38 @@ absl::Status CheckSizes(const Drive& drive) {
   return absl::InvalidArgumentError(absl::StrCat(
       drive.name, ": ", count, " times, ", drive.truth.size(), " true poses, ",
       drive.odometry.size(), " of odometry and ", drive.corrected.size(), " corrected"));
+}
+
+/// The corrected poses as they would be, had the correction been spread over the way: C =
+/// corrected * odometry^-1, averaged with a bell of sigma_m of way.
+std::vector<Pose<Global, Base>> SpreadCorrection(const Drive& drive, double sigma_m) {
+  std::vector<double> way_m = {0};
+  for (std::size_t i = 1; i < drive.odometry.size(); ++i)
+    way_m.push_back(way_m.back() +
+                    (drive.odometry[i].translation() - drive.odometry[i - 1].translation()).norm());
+  std::vector<Pose<Global, Odom>> corrections;
+  for (std::size_t i = 0; i < drive.odometry.size(); ++i)
+    corrections.push_back(drive.corrected[i] * drive.odometry[i].Inverse());
+  std::vector<Pose<Global, Base>> spread;
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < drive.odometry.size(); ++i) {
+    while (way_m[i] - way_m[first] > 3 * sigma_m) ++first;
+    const Point<Odom> place(drive.odometry[i].translation());
+    Eigen::Vector4d rotation = Eigen::Vector4d::Zero();
+    Eigen::Vector3d place_m = Eigen::Vector3d::Zero();
+    double weights = 0;
+    for (std::size_t k = first; k < way_m.size() && way_m[k] - way_m[i] <= 3 * sigma_m; ++k) {
+      const double sigmas = (way_m[k] - way_m[i]) / sigma_m;
+      const double weight = std::exp(-0.5 * sigmas * sigmas);
+      const Eigen::Vector4d q = corrections[k].rotation().coeffs();
+      rotation += (q.dot(rotation) < 0 ? -weight : weight) * q;
+      place_m += weight * (corrections[k] * place).xyz();
+      weights += weight;
+    }
+    spread.emplace_back(Eigen::Quaterniond(rotation).normalized() * drive.odometry[i].rotation(),
+                        place_m / weights);
+  }
+  return spread;
 }
 
 absl::StatusOr<Drive> LoadWithClosedTruth(const fs::path& dir, const fs::path& odometry) {
@@ -144,8 +178,10 @@ absl::StatusOr<Drive> LoadKissIcpDrive(const fs::path& trajectories) {
   drive.name = "kiss-icp";
   drive.description =
       "KITTI 00, 4,541 scans at 10 Hz: odometry of KISS-ICP, corrected by the same run's closed "
-      "pose graph, which is the truth, too";
+      "pose graph. That turns by up to 0.2 degrees a scan within a dozen scans about its loops and "
+      "is odometry elsewhere; for the truth the correction is spread over some 60 m of way";
   GEM_RETURN_IF_ERROR(CheckSizes(drive));
+  drive.truth = SpreadCorrection(drive, kSpread_m);
   return drive;
 }
 

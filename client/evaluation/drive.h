@@ -39,7 +39,7 @@ Drive FirstOf(Drive drive, std::size_t count);
 std::optional<std::filesystem::path> TrajectoriesDir(const Settings& settings);
 
 /// 4,541 scans of KITTI 00: odometry of KISS-ICP, and the same run after its pose graph was closed.
-/// The closed trajectory is the truth, too.
+/// Truth: the closed trajectory, less its kinks.
 absl::StatusOr<Drive> LoadKissIcpDrive(const std::filesystem::path& trajectories);
 
 /// The same scans and truth as LoadKissIcpDrive, with ORB-SLAM's camera trajectory as odometry.

@@ -20,33 +20,55 @@ struct Annotation {
   bool valid = false;
 };
 
+/// Sums over one column of the neighbourhood, from below: the sums of a plane fit are those of its
+/// columns, and neighbours share columns. A backend may keep them, as they are always the same.
+struct ColumnSums {
+  std::int32_t count = 0;
+  std::int32_t y = 0, yy = 0;
+  double z = 0, yz = 0, zz = 0;
+
+  /// dy in whole cells from the middle; height_m is relative to anything that is the same for all
+  /// cells of a fit. Backends take the sensor, so that squares stay small.
+  GEM_HOST_DEVICE void Add(std::int32_t dy, bool known, double height_m) {
+    const std::int32_t one = known ? 1 : 0;
+    const double known_m = known ? height_m : 0.0;
+    const double dy_m = dy * known_m;
+    count += one;
+    y += dy * one;
+    yy += dy * dy * one;
+    z += known_m;
+    yz += dy_m;
+    zz += known_m * known_m;
+  }
+};
+
 /// Sums of the normal equations of e = a x + b y + c, x and y in whole cells from the middle one.
 /// Doubles, and integers where they are exact: no epsilon tells steep from flat or full from
-/// degenerate, and the sums are the same in any order but for the last bits of a double.
+/// degenerate. Always added in one order, so that all backends get the same bits: each column from
+/// below, columns from the left, and those outside the window as columns without cells.
 struct PlaneSums {
   std::int32_t count = 0;
   std::int32_t x = 0, y = 0, xx = 0, xy = 0, yy = 0;
   double z = 0, xz = 0, yz = 0, zz = 0;
 
-  /// height_m is relative to anything that is the same for all cells of the fit.
-  GEM_HOST_DEVICE void Add(std::int32_t dx, std::int32_t dy, double height_m) {
-    ++count;
-    x += dx;
-    y += dy;
-    xx += dx * dx;
-    xy += dx * dy;
-    yy += dy * dy;
-    z += height_m;
-    xz += dx * height_m;
-    yz += dy * height_m;
-    zz += height_m * height_m;
+  GEM_HOST_DEVICE void Add(std::int32_t dx, const ColumnSums& column) {
+    count += column.count;
+    x += dx * column.count;
+    y += column.y;
+    xx += dx * dx * column.count;
+    xy += dx * column.y;
+    yy += column.yy;
+    z += column.z;
+    xz += dx * column.z;
+    yz += column.yz;
+    zz += column.zz;
   }
 };
 
 /// A fitted plane: rise per cell along x and y, and the standard deviation of heights about it.
 struct PlaneFit {
   double rise_x_m = 0, rise_y_m = 0;
-  double roughness_m = 0;
+  float roughness_m = 0;
   bool valid = false;
 };
 
@@ -64,29 +86,36 @@ GEM_HOST_DEVICE inline PlaneFit FitPlane(const PlaneSums& sums, std::int32_t cel
   const double xz = n * sums.xz - sums.x * sums.z;
   const double yz = n * sums.yz - sums.y * sums.z;
   const double zz = n * sums.zz - sums.z * sums.z;
-  fit.rise_x_m = (yy * xz - xy * yz) / determinant;
-  fit.rise_y_m = (xx * yz - xy * xz) / determinant;
+  const double inverse = 1.0 / determinant;
+  fit.rise_x_m = (yy * xz - xy * yz) * inverse;
+  fit.rise_y_m = (xx * yz - xy * xz) * inverse;
   // Three heights are spent on the plane, so that the figure does not shrink where few are known.
   const std::int32_t freedom = n - 3;
-  const double squares_m2 = (zz - fit.rise_x_m * xz - fit.rise_y_m * yz) / n;
+  const double squares_m2 = zz - fit.rise_x_m * xz - fit.rise_y_m * yz;  // times the count
   // Rounding may leave an exact plane a hair below zero.
-  fit.roughness_m = freedom > 0 && squares_m2 > 0 ? std::sqrt(squares_m2 / freedom) : 0.0;
+  const float rest_m2 = freedom > 0 && squares_m2 > 0 ? static_cast<float>(squares_m2) : 0.0f;
+  fit.roughness_m = std::sqrt(rest_m2 / static_cast<float>(freedom > 0 ? n * freedom : 1));
   fit.valid = true;
   return fit;
 }
 
-/// Angle whose tangent is t >= 0, radians, to 1e-7. Additions, products, quotients and roots only:
+/// Angle whose tangent is t >= 0, radians, to 3e-7. Additions, products, quotients and roots only:
 /// they are rounded alike on every machine, which atan of the C library and of CUDA is not.
-GEM_HOST_DEVICE inline double AngleOfTangent(double t) {
-  const bool steep = t > 1.0;
-  const double u = steep ? 1.0 / t : t;
+GEM_HOST_DEVICE inline float AngleOfTangent(float t) {
+  const bool steep = t > 1.0f;
+  const float u = (steep ? 1.0f : t) / (steep ? t : 1.0f);
   // Half the angle: |h| <= tan(pi / 8), where the series converges fast.
-  const double h = u / (1.0 + std::sqrt(1.0 + u * u));
-  const double h2 = h * h;
-  double series = 1.0 / 17.0;
-  for (int odd = 15; odd >= 1; odd -= 2) series = 1.0 / odd - h2 * series;
-  const double angle_rad = 2.0 * h * series;
-  return steep ? 1.57079632679489661923 - angle_rad : angle_rad;
+  const float h = u / (1.0f + std::sqrt(1.0f + u * u));
+  const float h2 = h * h;
+  float series = 1.0f / 13.0f - h2 * (1.0f / 15.0f);
+  series = 1.0f / 11.0f - h2 * series;
+  series = 1.0f / 9.0f - h2 * series;
+  series = 1.0f / 7.0f - h2 * series;
+  series = 1.0f / 5.0f - h2 * series;
+  series = 1.0f / 3.0f - h2 * series;
+  series = 1.0f - h2 * series;
+  const float angle_rad = 2.0f * h * series;
+  return steep ? 1.57079633f - angle_rad : angle_rad;
 }
 
 /// Eq. (7), clamped to [0, 1].
@@ -101,10 +130,11 @@ GEM_HOST_DEVICE inline Annotation AnnotatePlane(const PlaneFit& fit,
                                                 const LocalMapOptions& options) {
   Annotation annotation;
   if (!fit.valid) return annotation;
-  const double cell_size_m = static_cast<double>(options.cell_size_m);
-  const double rise_m = std::sqrt(fit.rise_x_m * fit.rise_x_m + fit.rise_y_m * fit.rise_y_m);
-  annotation.slope_rad = static_cast<float>(AngleOfTangent(rise_m / cell_size_m));
-  annotation.roughness_m = static_cast<float>(fit.roughness_m);
+  const auto rise_x_m = static_cast<float>(fit.rise_x_m);
+  const auto rise_y_m = static_cast<float>(fit.rise_y_m);
+  const float rise_m = std::sqrt(rise_x_m * rise_x_m + rise_y_m * rise_y_m);
+  annotation.slope_rad = AngleOfTangent(rise_m / options.cell_size_m);
+  annotation.roughness_m = fit.roughness_m;
   annotation.traversability =
       TraversabilityOf(annotation.slope_rad, annotation.roughness_m, options);
   annotation.valid = true;

@@ -307,18 +307,19 @@ void CpuMapper::Fuse(ScanReport& report) {
 
 Annotation CpuMapper::AnnotationOf(Place place) const {
   const std::int32_t side = window_.side_cells();
-  const double middle_m = layers_.elevation_m[SlotOf(place)];
+  const double sensor_z_m = frame_.sensor_z_m;
   PlaneSums sums;
   // Neighbours by window coordinates: across the seam of the ring they are neighbours all the same.
-  for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
-    const std::int32_t row = place.row + dy;
-    if (row < 0 || row >= side) continue;
-    for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
-      const std::int32_t column = place.column + dx;
-      if (column < 0 || column >= side) continue;
+  for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
+    const std::int32_t column = place.column + dx;
+    ColumnSums column_sums;
+    for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
+      const std::int32_t row = place.row + dy;
+      if (column < 0 || column >= side || row < 0 || row >= side) continue;
       const std::uint32_t slot = window_.SlotAt(column, row);
-      if (layers_.known(slot)) sums.Add(dx, dy, layers_.elevation_m[slot] - middle_m);
+      column_sums.Add(dy, layers_.known(slot), layers_.elevation_m[slot] - sensor_z_m);
     }
+    sums.Add(dx, column_sums);
   }
   return AnnotatePlane(FitPlane(sums, options_.plane_cells_min), options_);
 }

@@ -70,6 +70,16 @@ TEST(Merge, KeepsTheOlderOnesOriginAndNamesAllRobots) {
   EXPECT_EQ(merged->origin().robots, (std::vector<std::string>{"robot-a", "robot-b"}));
 }
 
+// What is merged into a submap was placed by another stretch of the way, or another robot.
+TEST(Merge, CorrectionsMoveTheResultByWhatTheOlderOneMapped) {
+  const auto older = Square("a", 1, 0, 0);
+  const auto merged = Merge(Placed(1, older), Placed(2, Square("b", 2, 20, 0)), {});
+  ASSERT_NE(merged, nullptr);
+  EXPECT_GT(merged->num_cells(), older->num_cells());
+  ASSERT_EQ(merged->parts().size(), older->parts().size());
+  EXPECT_EQ(merged->parts().front().num_cells, older->parts().front().num_cells);
+}
+
 TEST(Merge, LeavesNoHolesWhenTheSubmapsAreTurned) {
   const PlacedSubmap older = Placed(1, Square("a", 1, 0, 1));
   const auto newer = MakeSubmap("a", 2 * kSecond_ns, {}, {{-60, -60}, {60, 60}}, Flat(1));
