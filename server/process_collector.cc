@@ -47,11 +47,14 @@ std::optional<ProcStat> ReadStat() {
   return complete ? std::optional(stat) : std::nullopt;
 }
 
-std::optional<double> BootTime_s() {
+double TicksPerSecond() { return static_cast<double>(sysconf(_SC_CLK_TCK)); }
+
+std::optional<double> StartTime_s() {
+  const std::optional<ProcStat> stat = ReadStat();
   std::ifstream file("/proc/stat");
-  double seconds = 0;
-  for (std::string word; file >> word;)
-    if (word == "btime" && file >> seconds) return seconds;
+  double boot_s = 0;
+  for (std::string word; stat.has_value() && file >> word;)
+    if (word == "btime" && file >> boot_s) return boot_s + stat->start_ticks / TicksPerSecond();
   return std::nullopt;
 }
 
@@ -73,8 +76,10 @@ void Append(std::vector<MetricFamily>& families, const char* name, const char* h
 
 }  // namespace
 
+ProcessCollector::ProcessCollector() : start_time_s_(StartTime_s()) {}
+
 std::vector<MetricFamily> ProcessCollector::Collect() const {
-  const double ticks_per_s = static_cast<double>(sysconf(_SC_CLK_TCK));
+  const double ticks_per_s = TicksPerSecond();
   std::vector<MetricFamily> families;
   if (const std::optional<ProcStat> stat = ReadStat()) {
     prometheus::ClientMetric cpu;
@@ -87,10 +92,8 @@ std::vector<MetricFamily> ProcessCollector::Collect() const {
            stat->resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE)));
     Append(families, "process_virtual_memory_bytes", "Address space", stat->virtual_bytes);
     Append(families, "process_threads", "Threads of the process", stat->num_threads);
-    if (const std::optional<double> boot_s = BootTime_s())
-      Append(families, "process_start_time_seconds", "Start of the process, Unix time",
-             *boot_s + stat->start_ticks / ticks_per_s);
   }
+  Append(families, "process_start_time_seconds", "Start of the process, Unix time", start_time_s_);
   Append(families, "process_open_fds", "Open file descriptors", CountOpenFiles());
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) == 0)

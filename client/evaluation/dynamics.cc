@@ -3,7 +3,7 @@
 #include "absl/strings/str_format.h"
 #include "client/evaluation/crowd.h"
 #include "client/evaluation/cyclist.h"
-#include "client/evaluation/revisit.h"
+#include "client/evaluation/pedestrian.h"
 #include "core/base/status_macros.h"
 
 namespace gem::evaluation {
@@ -49,7 +49,7 @@ absl::StatusOr<Report> RunDynamics(const Settings& settings) {
   settings.progress("crowd", 0.3);
   GEM_RETURN_IF_ERROR(AddCrowd(settings, report));
   settings.progress("pedestrian", 0.9);
-  GEM_RETURN_IF_ERROR(AddRevisit(settings, report));
+  GEM_RETURN_IF_ERROR(AddPedestrian(settings, report));
   return report;
 }
 

@@ -1,4 +1,4 @@
-#include "client/evaluation/revisit.h"
+#include "client/evaluation/pedestrian.h"
 
 #include <gtest/gtest.h>
 
@@ -28,15 +28,15 @@ TEST(CountHigh, CountsHighCellsAboutAPlace) {
 }
 
 TEST(DriveTwice, ForgetsThePedestrianAndMergesTheSubmaps) {
-  RevisitOptions options;
+  PassOptions options;
   options.way_m = 30;
-  const auto revisit = DriveTwice(options);
-  ASSERT_TRUE(revisit.ok()) << revisit.status();
-  EXPECT_GT(revisit->first.pedestrian, 4);
-  EXPECT_EQ(revisit->corrected.pedestrian, 0);
-  EXPECT_GT(revisit->corrected.pillar, 4);
-  EXPECT_GT(revisit->second.num_submaps, revisit->first.num_submaps);
-  EXPECT_EQ(revisit->corrected.num_submaps, revisit->first.num_submaps);
+  const auto passes = DriveTwice(options);
+  ASSERT_TRUE(passes.ok()) << passes.status();
+  EXPECT_GT(passes->first.pedestrian, 4);
+  EXPECT_EQ(passes->corrected.pedestrian, 0);
+  EXPECT_GT(passes->corrected.pillar, 4);
+  EXPECT_GT(passes->second.num_submaps, passes->first.num_submaps);
+  EXPECT_EQ(passes->corrected.num_submaps, passes->first.num_submaps);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "client/evaluation/revisit.h"
+#include "client/evaluation/pedestrian.h"
 
 #include <algorithm>
 #include <cmath>
@@ -31,11 +31,11 @@ struct Places {
   Eigen::Vector2d pillar_m;
 };
 /// To either side of the middle of the way.
-Places PlacesOn(const RevisitOptions& options) {
+Places PlacesOn(const PassOptions& options) {
   return {{0.5 * options.way_m, 2.0}, {0.5 * options.way_m, -2.0}};
 }
 
-absl::StatusOr<std::unique_ptr<SimulatedSource>> MakePass(const RevisitOptions& options,
+absl::StatusOr<std::unique_ptr<SimulatedSource>> MakePass(const PassOptions& options,
                                                           bool with_person) {
   Simulation simulation(Path({{0, 0}, {options.way_m, 0}}, 0));
   simulation.name = with_person ? "first pass" : "second pass";
@@ -73,14 +73,14 @@ absl::Status Drive(SimulatedSource& source, std::int64_t later_ns, const Pose<Od
 
 /// To a place of which nothing is seen, so that all that was seen leaves the local map and the
 /// submap ends.
-void LeaveTown(const RevisitOptions& options, MappingRobot& robot, CorrectedTrajectory& truth) {
+void LeaveTown(const PassOptions& options, MappingRobot& robot, CorrectedTrajectory& truth) {
   const Eigen::Vector3d far_m(0.5 * options.way_m, 200, 0);
   const std::int64_t stamp_ns = truth.back().stamp_ns + 1'000'000'000;
   robot.Fuse(stamp_ns, {Eigen::Quaterniond::Identity(), far_m}, {});
   truth.push_back({stamp_ns, {Eigen::Quaterniond::Identity(), far_m}});
 }
 
-RevisitView ViewOf(const MapSnapshot& map, const RevisitOptions& options) {
+PassView ViewOf(const MapSnapshot& map, const PassOptions& options) {
   const Places places = PlacesOn(options);
   return {.pedestrian = CountHigh(map, places.person_m, kReach_m, kHigh_m),
           .pillar = CountHigh(map, places.pillar_m, kReach_m, kHigh_m),
@@ -88,7 +88,7 @@ RevisitView ViewOf(const MapSnapshot& map, const RevisitOptions& options) {
           .num_points = map.num_points};
 }
 
-std::vector<std::string> Row(const std::string& when, const RevisitView& view) {
+std::vector<std::string> Row(const std::string& when, const PassView& view) {
   return {when, absl::StrCat(view.pedestrian), absl::StrCat(view.pillar),
           absl::StrCat(view.num_submaps), absl::StrCat(view.num_points)};
 }
@@ -113,7 +113,7 @@ int CountHigh(const MapSnapshot& map, const Eigen::Vector2d& place_m, double rea
   return count;
 }
 
-absl::StatusOr<Revisit> DriveTwice(const RevisitOptions& options) {
+absl::StatusOr<TwoPasses> DriveTwice(const PassOptions& options) {
   GEM_ASSIGN_OR_RETURN(const auto first_pass, MakePass(options, /*with_person=*/true));
   GEM_ASSIGN_OR_RETURN(const auto second_pass, MakePass(options, /*with_person=*/false));
   RobotSetup setup;
@@ -122,31 +122,31 @@ absl::StatusOr<Revisit> DriveTwice(const RevisitOptions& options) {
   setup.map.merge_overlap_min = options.merge_overlap_min;
   GEM_ASSIGN_OR_RETURN(const auto robot, MappingRobot::Make(setup));
   CorrectedTrajectory truth;
-  Revisit revisit;
+  TwoPasses passes;
   GEM_RETURN_IF_ERROR(Drive(*first_pass, 0, {}, *robot, truth));
   LeaveTown(options, *robot, truth);
   robot->Commit(/*show_local=*/false);
-  revisit.first = ViewOf(*robot->snapshot(), options);
+  passes.first = ViewOf(*robot->snapshot(), options);
 
   const std::int64_t later_ns = truth.back().stamp_ns + std::llround(options.gap_s * 1e9);
   const Pose<Odom, Global> T_O_G(Eigen::Quaterniond::Identity(), {0.4, -0.3, 0.5});
   GEM_RETURN_IF_ERROR(Drive(*second_pass, later_ns, T_O_G, *robot, truth));
   LeaveTown(options, *robot, truth);
   robot->Commit(/*show_local=*/false);
-  revisit.second = ViewOf(*robot->snapshot(), options);
+  passes.second = ViewOf(*robot->snapshot(), options);
 
   GEM_RETURN_IF_ERROR(robot->Correct(std::move(truth)).status());
   robot->End();
-  revisit.corrected = ViewOf(*robot->snapshot(), options);
-  return revisit;
+  passes.corrected = ViewOf(*robot->snapshot(), options);
+  return passes;
 }
 
-absl::Status AddRevisit(const Settings& settings, Report& report) {
-  RevisitOptions options;
+absl::Status AddPedestrian(const Settings& settings, Report& report) {
+  PassOptions options;
   options.seed = settings.seed;
-  GEM_ASSIGN_OR_RETURN(const Revisit merged, DriveTwice(options));
+  GEM_ASSIGN_OR_RETURN(const TwoPasses merged, DriveTwice(options));
   options.merge_overlap_min = 1000;
-  GEM_ASSIGN_OR_RETURN(const Revisit apart, DriveTwice(options));
+  GEM_ASSIGN_OR_RETURN(const TwoPasses apart, DriveTwice(options));
   const auto add = [&](const char* what, double value, std::optional<double> at_most,
                        std::optional<double> at_least, const char* unit) {
     report.figures.push_back({.name = absl::StrCat("pedestrian: ", what),
