@@ -50,7 +50,7 @@ test-tsan: build/tsan/build.ninja
 	cmake --build build/tsan -j $(JOBS) --target $(TSAN_TESTS)
 	ctest --preset tsan
 
-# Debian's own Python: no other packages are needed.
+# Debian's own Python, for which apt installs what is needed.
 test-deploy: build
 	deploy/install_dependencies.sh --deploy
 	GEM_BIN=$(CURDIR)/build/release/bin /usr/bin/python3 -B -m unittest discover -s tests/deploy -p '*_test.py'

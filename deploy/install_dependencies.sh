@@ -13,7 +13,7 @@ packages=(
 for option in "$@"; do
   case $option in
     --lint) packages+=(clang clang-tidy clang-format libclang-rt-14-dev) ;;
-    --deploy) packages+=(python3 prometheus) ;;
+    --deploy) packages+=(python3 python3-yaml prometheus systemd) ;;
     *) echo "install_dependencies: $option is unknown, want --lint or --deploy" >&2; exit 2 ;;
   esac
 done
