@@ -15,7 +15,7 @@ struct GlobalBenchOptions {
   double way_m = 3700;  ///< KITTI 00's. Range [100, 100000]
   double width_m = 12;  ///< of the mapped strip. Range [1, 100]
   float cell_size_m = 0.2f;
-  float submap_length_m = 20;
+  float submap_length_m = 10;
   int threads = 2;           ///< that render tiles. Range [1, 64]
   int num_corrections = 20;  ///< Range [1, 10000]
 };

@@ -239,7 +239,7 @@ absl::StatusOr<std::pair<Drive, bool>> DriveFor(const Settings& settings, Report
 
 void AddDriveFigures(const std::vector<SetupFindings>& drive, const Drive& way, bool is_kitti,
                      Report& report) {
-  // A cell enters the map when its submap is finished: after 20 m and half a window.
+  // A cell enters the map when its submap is finished: after 10 m and half a window.
   constexpr std::size_t kLag = 50;
   const auto [begin, end] = LongestRevisit(way);
   double bytes_max = 0, growth_max = 0, stretch_max = 0;

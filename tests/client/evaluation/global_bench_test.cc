@@ -12,7 +12,7 @@ TEST(GlobalBench, BuildsTheMapItSaysAndMovesAllOfIt) {
   ASSERT_TRUE(bench.ok()) << bench.status();
   // A strip of 200 m x 4 m in cells of 0.2 m.
   EXPECT_NEAR(static_cast<double>(bench->num_points), 200 * 4 * 25, 200 * 25);
-  EXPECT_NEAR(static_cast<double>(bench->num_submaps), 10, 1);
+  EXPECT_NEAR(static_cast<double>(bench->num_submaps), 20, 2);
   EXPECT_GE(bench->num_touched_tiles, 8u);
   EXPECT_LT(bench->num_touched_tiles_of_tenth, bench->num_touched_tiles);
   EXPECT_GT(bench->correction.median, 0);
