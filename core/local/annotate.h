@@ -69,33 +69,43 @@ struct PlaneSums {
 struct PlaneFit {
   double rise_x_m = 0, rise_y_m = 0;
   float roughness_m = 0;
-  bool valid = false;
 };
 
-/// Least squares. Invalid if there are fewer than cells_min cells or all lie on one line.
-GEM_HOST_DEVICE inline PlaneFit FitPlane(const PlaneSums& sums, std::int32_t cells_min) {
-  PlaneFit fit;
-  if (sums.count < cells_min) return fit;
-  // Second moments about the mean, times the count: exact integers.
+/// Second moments of the places about their mean, times the count: exact integers.
+struct PlaceMoments {
+  std::int32_t xx, xy, yy;
+  GEM_HOST_DEVICE std::int32_t determinant() const { return xx * yy - xy * xy; }
+};
+GEM_HOST_DEVICE inline PlaceMoments PlaceMomentsOf(const PlaneSums& sums) {
   const std::int32_t n = sums.count;
-  const std::int32_t xx = n * sums.xx - sums.x * sums.x;
-  const std::int32_t xy = n * sums.xy - sums.x * sums.y;
-  const std::int32_t yy = n * sums.yy - sums.y * sums.y;
-  const std::int32_t determinant = xx * yy - xy * xy;
-  if (determinant == 0) return fit;
+  return {n * sums.xx - sums.x * sums.x, n * sums.xy - sums.x * sums.y,
+          n * sums.yy - sums.y * sums.y};
+}
+
+/// Whether there are enough cells, and not all on one line.
+GEM_HOST_DEVICE inline bool HasPlane(const PlaneSums& sums, std::int32_t cells_min) {
+  return (sums.count >= cells_min) & (PlaceMomentsOf(sums).determinant() != 0);
+}
+
+/// Least squares; means something if HasPlane(). Branch-free, as it runs over rows of cells.
+GEM_HOST_DEVICE inline PlaneFit FitPlane(const PlaneSums& sums) {
+  const PlaceMoments places = PlaceMomentsOf(sums);
+  const std::int32_t determinant = places.determinant();
+  const double inverse = 1.0 / (determinant != 0 ? determinant : 1);
+  const std::int32_t n = sums.count;
   const double xz = n * sums.xz - sums.x * sums.z;
   const double yz = n * sums.yz - sums.y * sums.z;
   const double zz = n * sums.zz - sums.z * sums.z;
-  const double inverse = 1.0 / determinant;
-  fit.rise_x_m = (yy * xz - xy * yz) * inverse;
-  fit.rise_y_m = (xx * yz - xy * xz) * inverse;
+  PlaneFit fit;
+  fit.rise_x_m = (places.yy * xz - places.xy * yz) * inverse;
+  fit.rise_y_m = (places.xx * yz - places.xy * xz) * inverse;
   // Three heights are spent on the plane, so that the figure does not shrink where few are known.
   const std::int32_t freedom = n - 3;
-  const double squares_m2 = zz - fit.rise_x_m * xz - fit.rise_y_m * yz;  // times the count
+  const auto squares_m2 =
+      static_cast<float>(zz - fit.rise_x_m * xz - fit.rise_y_m * yz);  // times the count
   // Rounding may leave an exact plane a hair below zero.
-  const float rest_m2 = freedom > 0 && squares_m2 > 0 ? static_cast<float>(squares_m2) : 0.0f;
+  const float rest_m2 = (freedom > 0) & (squares_m2 > 0.0f) ? squares_m2 : 0.0f;
   fit.roughness_m = std::sqrt(rest_m2 / static_cast<float>(freedom > 0 ? n * freedom : 1));
-  fit.valid = true;
   return fit;
 }
 
@@ -126,14 +136,19 @@ GEM_HOST_DEVICE inline float TraversabilityOf(float slope_rad, float roughness_m
   return score < 0.0f ? 0.0f : score;
 }
 
-GEM_HOST_DEVICE inline Annotation AnnotatePlane(const PlaneFit& fit,
-                                                const LocalMapOptions& options) {
-  Annotation annotation;
-  if (!fit.valid) return annotation;
+GEM_HOST_DEVICE inline float SlopeOf(const PlaneFit& fit, float cell_size_m) {
   const auto rise_x_m = static_cast<float>(fit.rise_x_m);
   const auto rise_y_m = static_cast<float>(fit.rise_y_m);
-  const float rise_m = std::sqrt(rise_x_m * rise_x_m + rise_y_m * rise_y_m);
-  annotation.slope_rad = AngleOfTangent(rise_m / options.cell_size_m);
+  return AngleOfTangent(std::sqrt(rise_x_m * rise_x_m + rise_y_m * rise_y_m) / cell_size_m);
+}
+
+/// The annotation of the cell in the middle; all zero without a plane.
+GEM_HOST_DEVICE inline Annotation AnnotationOf(const PlaneSums& sums,
+                                               const LocalMapOptions& options) {
+  Annotation annotation;
+  if (!HasPlane(sums, options.plane_cells_min)) return annotation;
+  const PlaneFit fit = FitPlane(sums);
+  annotation.slope_rad = SlopeOf(fit, options.cell_size_m);
   annotation.roughness_m = fit.roughness_m;
   annotation.traversability =
       TraversabilityOf(annotation.slope_rad, annotation.roughness_m, options);

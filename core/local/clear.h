@@ -112,10 +112,10 @@ GEM_HOST_DEVICE inline CellSight SightOf(float x_m, float y_m, const RayBins& bi
   sight.range_bin_min = static_cast<std::int32_t>(in_sight ? far_bin : 0.0f) + 1;
 
   // The two corners that bound the square's angle: clockwise-most and counter-clockwise-most.
-  const float start_x = above ? x1 : below ? x0 : right ? x0 : x1;
-  const float start_y = right ? y0 : left ? y1 : above ? y0 : y1;
-  const float end_x = above ? x0 : below ? x1 : right ? x0 : x1;
-  const float end_y = right ? y1 : left ? y0 : above ? y0 : y1;
+  const float start_x = above | (!below & !right) ? x1 : x0;
+  const float start_y = right | (!left & above) ? y0 : y1;
+  const float end_x = above | (!below & right) ? x0 : x1;
+  const float end_y = right | (!left & !above) ? y1 : y0;
   const float start = AzimuthOf(start_x, start_y, bins);
   const float end = AzimuthOf(end_x, end_y, bins);
   const float end_after_start = end < start ? end + static_cast<float>(bins.azimuth) : end;
@@ -126,8 +126,10 @@ GEM_HOST_DEVICE inline CellSight SightOf(float x_m, float y_m, const RayBins& bi
   // full turn: it is judged by the bin of its middle, which errs by less than one bin.
   const std::int32_t middle = AzimuthBinOf(0.5f * (x0 + x1), 0.5f * (y0 + y1), bins);
   const bool narrow = (count < 1) | (count > bins.azimuth / 2);
-  sight.first_bin = narrow ? middle : first < bins.azimuth ? first : first - bins.azimuth;
-  sight.num_bins = !in_sight ? 0 : narrow ? 1 : count;
+  const std::int32_t wrapped = first < bins.azimuth ? first : first - bins.azimuth;
+  sight.first_bin = narrow ? middle : wrapped;
+  const std::int32_t width = narrow ? 1 : count;
+  sight.num_bins = in_sight ? width : 0;
   return sight;
 }
 

@@ -100,17 +100,15 @@ GEM_HOST_DEVICE inline Offset OffsetOf(const ScanFrame& frame, const ScanPoint& 
 /// A place over the window, in cells from its lower left corner.
 struct WindowPlace {
   float column, row;
-  bool inside;
 };
 GEM_HOST_DEVICE inline WindowPlace WindowPlaceOf(const ScanFrame& frame, const Offset& offset) {
-  const float x_m = frame.sensor_x_m + offset.x_m;
-  const float y_m = frame.sensor_y_m + offset.y_m;
   // Dividing, not multiplying by the inverse, which would move borders that floats hold exactly.
-  const float column = x_m / frame.cell_size_m;
-  const float row = y_m / frame.cell_size_m;
+  return {(frame.sensor_x_m + offset.x_m) / frame.cell_size_m,
+          (frame.sensor_y_m + offset.y_m) / frame.cell_size_m};
+}
+GEM_HOST_DEVICE inline bool InWindow(const ScanFrame& frame, const WindowPlace& place) {
   const auto side = static_cast<float>(frame.side_cells);
-  const bool inside = (x_m >= 0.0f) & (y_m >= 0.0f) & (column < side) & (row < side);
-  return {column, row, inside};
+  return (place.column >= 0.0f) & (place.column < side) & (place.row >= 0.0f) & (place.row < side);
 }
 
 /// Eq. (1) without the elevation of the sensor, and the cell of the point.
@@ -138,7 +136,7 @@ GEM_HOST_DEVICE inline Beam MeasureBeam(const ScanFrame& frame, const ScanPoint&
   }
   const WindowPlace place = WindowPlaceOf(frame, offset);
   beam.fate = PointFate::kOutsideWindow;
-  if (place.inside) {
+  if (InWindow(frame, place)) {
     beam.fate = PointFate::kInWindow;
     beam.column = static_cast<std::int32_t>(place.column);
     beam.row = static_cast<std::int32_t>(place.row);

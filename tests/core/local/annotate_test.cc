@@ -26,7 +26,7 @@ Annotation AnnotateAll(const LocalMapOptions& options, HeightOf height_of) {
     for (int dy = -2; dy <= 2; ++dy) column.Add(dy, true, height_of(dx, dy));
     sums.Add(dx, column);
   }
-  return AnnotatePlane(FitPlane(sums, options.plane_cells_min), options);
+  return AnnotationOf(sums, options);
 }
 
 TEST(Slope, IsExactForFlatAndSteepPlanesAtAnyCellSizeAndHeading) {
@@ -57,11 +57,11 @@ TEST(Slope, OfATangentAgreesWithTheLibrary) {
 TEST(Slope, NeedsEnoughCellsThatDoNotLieOnALine) {
   PlaneSums seven;
   for (int i = 0; i < 7; ++i) Add(seven, i % 3, i / 3, 0);
-  EXPECT_FALSE(FitPlane(seven, 8).valid);
-  EXPECT_TRUE(FitPlane(seven, 7).valid);
+  EXPECT_FALSE(HasPlane(seven, 8));
+  EXPECT_TRUE(HasPlane(seven, 7));
   PlaneSums line;
   for (int i = -2; i <= 2; ++i) Add(line, i, -i, i);
-  EXPECT_FALSE(FitPlane(line, 3).valid);
+  EXPECT_FALSE(HasPlane(line, 3));
 }
 
 TEST(Slope, IgnoresTheHeightsOfUnknownCells) {
@@ -76,8 +76,8 @@ TEST(Slope, IgnoresTheHeightsOfUnknownCells) {
     with.Add(dx, all);
   }
   EXPECT_EQ(with.count, 20);
-  EXPECT_NEAR(FitPlane(with, 8).rise_x_m, 0.1, 1e-12);
-  EXPECT_EQ(FitPlane(with, 8).rise_x_m, FitPlane(without, 8).rise_x_m);
+  EXPECT_NEAR(FitPlane(with).rise_x_m, 0.1, 1e-12);
+  EXPECT_EQ(FitPlane(with).rise_x_m, FitPlane(without).rise_x_m);
 }
 
 TEST(Slope, ThreeCellsMakeAPlaneWithoutRoughness) {
@@ -85,8 +85,8 @@ TEST(Slope, ThreeCellsMakeAPlaneWithoutRoughness) {
   Add(sums, 0, 0, 0);
   Add(sums, 1, 0, 0.1);
   Add(sums, 0, 1, 0);
-  const PlaneFit fit = FitPlane(sums, 3);
-  ASSERT_TRUE(fit.valid);
+  ASSERT_TRUE(HasPlane(sums, 3));
+  const PlaneFit fit = FitPlane(sums);
   EXPECT_NEAR(fit.rise_x_m, 0.1, 1e-12);
   EXPECT_NEAR(fit.rise_y_m, 0.0, 1e-12);
   EXPECT_EQ(fit.roughness_m, 0);
