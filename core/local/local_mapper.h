@@ -61,9 +61,15 @@ class LocalMapper {
 
 enum class LocalBackend { kReference, kCpu };
 
-/// INVALID_ARGUMENT names the option, its value and its range.
+/// Threads that one mapper may work with.
+inline constexpr int kLocalThreadsMax = 64;
+
+/// threads: how many work on a scan, the caller among them; the map is the same bit for bit. Range
+/// [1, kLocalThreadsMax]. `reference` takes one. INVALID_ARGUMENT names the option, its value and
+/// its range.
 absl::StatusOr<std::unique_ptr<LocalMapper>> MakeLocalMapper(LocalBackend backend,
-                                                             const LocalMapOptions& options);
+                                                             const LocalMapOptions& options,
+                                                             int threads = 1);
 
 /// "reference" or "cpu". INVALID_ARGUMENT for anything else.
 absl::StatusOr<LocalBackend> ParseLocalBackend(absl::string_view name);

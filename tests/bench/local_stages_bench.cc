@@ -103,7 +103,8 @@ void SortHits(benchmark::State& state) {
   const std::vector<std::uint32_t> counts = stand.part.count_of_cell;
   for (auto _ : state) {
     stand.part.count_of_cell = counts;  // sorting leaves them zero; the copy is timed as well
-    hits.Sort({&stand.part, 1});
+    hits.Plan({&stand.part, 1});
+    hits.Deal(stand.part);
     hits.Clear();
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(stand.part.num_hits));
@@ -113,7 +114,8 @@ void FuseLanes(benchmark::State& state) {
   Stand stand(state);
   cpu::HitLanes hits(stand.window.num_cells());
   stand.Measure();
-  hits.Sort({&stand.part, 1});
+  hits.Plan({&stand.part, 1});
+  hits.Deal(stand.part);
   for (auto _ : state) {
     for (std::size_t group = 0; group < hits.num_groups(); ++group) {
       const std::size_t first = hits.FirstRankOf(group);
@@ -163,12 +165,13 @@ void LookUpAll(benchmark::State& state) {
     candidates.elevation_m[i] = stand.layers.elevation_m[i];
     candidates.variance_m2[i] = stand.layers.variance_m2[i];
   }
-  std::vector<cpu::Place> cleared;
+  candidates.count = stand.window.num_cells();
+  std::vector<Place> cleared;
   cleared.reserve(stand.window.num_cells());
   for (auto _ : state) {
     cleared.clear();
-    cpu::FindPassedBelow(stand.set, stand.part.rays, stand.frame, stand.options, candidates, 0,
-                         stand.window.num_cells(), cleared);
+    cpu::FindPassedBelow(stand.set, stand.part.rays, stand.frame, stand.options, candidates,
+                         cleared);
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(stand.window.num_cells()));
 }

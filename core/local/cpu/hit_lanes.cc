@@ -19,7 +19,7 @@ HitLanes::HitLanes(std::size_t num_cells)
       begins_(num_cells),
       rank_of_cell_(num_cells) {}
 
-void HitLanes::Sort(std::span<MeasuredPart> parts) {
+void HitLanes::Plan(std::span<MeasuredPart> parts) {
   is_colored_ = false;
   for (const MeasuredPart& part : parts) is_colored_ = is_colored_ || part.is_colored;
   ListCells(parts);
@@ -35,10 +35,6 @@ void HitLanes::Sort(std::span<MeasuredPart> parts) {
       next += count * 2 * (is_long ? 1u : std::uint32_t{kLanes});
       count = begin;
     }
-  }
-  for (MeasuredPart& part : parts) Deal(part);
-  for (std::size_t rank = 0; rank < num_cells_; ++rank) {
-    for (MeasuredPart& part : parts) part.count_of_cell[cells_[rank]] = 0;
   }
 }
 
@@ -112,17 +108,18 @@ void HitLanes::Deal(MeasuredPart& part) {
     heights[at + lanes] = part.height[i].variance_m2;
     if (is_colored_) rgba_[at] = part.rgba[i];
   }
+  std::fill(part.count_of_cell.begin(), part.count_of_cell.end(), 0u);
 }
 
-std::span<const Hit> HitLanes::HitsOf(std::size_t rank) {
+std::span<const Hit> HitLanes::HitsOf(std::size_t rank, std::vector<Hit>& buffer) const {
   const std::size_t lanes = rank < num_long_ ? 1 : kLanes;
   const std::size_t count = counts_[rank];
-  if (hits_.size() < count) hits_.resize(heights_.size() / 2);
+  if (buffer.size() < count) buffer.resize(count);
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t at = begins_[rank] + k * 2 * lanes;
-    hits_[k] = {{heights_[at], heights_[at + lanes]}, is_colored_ ? rgba_[at] : 0};
+    buffer[k] = {{heights_[at], heights_[at + lanes]}, is_colored_ ? rgba_[at] : 0};
   }
-  return {hits_.data(), count};
+  return {buffer.data(), count};
 }
 
 }  // namespace gem::cpu

@@ -22,8 +22,11 @@ class HitLanes {
 
   explicit HitLanes(std::size_t num_cells);
 
-  /// Takes the hits of a scan's parts, in the order of the parts, and leaves their counts zero.
-  void Sort(std::span<MeasuredPart> parts);
+  /// Finds out where each hit of a scan's parts goes. Hits of earlier parts come first.
+  void Plan(std::span<MeasuredPart> parts);
+  /// Puts the hits of one of those parts there, and leaves its counts zero. Parts may be dealt by
+  /// several threads at once.
+  void Deal(MeasuredPart& part);
   /// Forgets all hits.
   void Clear();
 
@@ -45,14 +48,13 @@ class HitLanes {
     return heights_.data() + begins_[FirstRankOf(group)];
   }
 
-  /// The hits of one cell in point order; valid until the next call.
-  std::span<const Hit> HitsOf(std::size_t rank);
+  /// The hits of one cell in point order, in `buffer`, which grows if it must.
+  std::span<const Hit> HitsOf(std::size_t rank, std::vector<Hit>& buffer) const;
 
  private:
   void ListCells(std::span<MeasuredPart> parts);
   void RankCells();
   void PlaceCells();
-  void Deal(MeasuredPart& part);
 
   std::size_t num_cells_ = 0;
   std::size_t num_long_ = 0;
@@ -66,7 +68,6 @@ class HitLanes {
 
   std::vector<float> heights_;
   std::vector<Rgba> rgba_;  // where the elevation is; empty until there are colours
-  std::vector<Hit> hits_;   // of one cell
 };
 
 }  // namespace gem::cpu

@@ -215,13 +215,12 @@ void PlaneRows::StoreRun(std::int32_t row, std::int32_t begin, std::int32_t end)
   const std::int32_t* known = RowAt(row).known.data() + kMargin + begin;
   const std::int32_t* valid = valid_.data() + begin;
   std::int32_t* stored = stored_.data();
-  std::uint8_t* state = layers_->state.data() + slot;
+  std::uint8_t* annotated = layers_->annotated.data() + slot;
   GEM_INDEPENDENT
   for (std::int32_t i = 0; i < count; ++i) {
     stored[i] = dirty[i] & known[i];
-    const std::int32_t annotated = valid[i] != 0 ? kCellAnnotated : 0;
-    const std::int32_t now = (state[i] & ~kCellAnnotated) | annotated;
-    state[i] = static_cast<std::uint8_t>(stored[i] != 0 ? now : state[i]);
+    const std::int32_t now = valid[i] != 0 ? kCellAnnotated : 0;
+    annotated[i] = static_cast<std::uint8_t>(stored[i] != 0 ? now : annotated[i]);
   }
   const auto store = [&](const std::vector<float>& from, std::vector<float>& to) {
     const float* values = from.data() + begin;

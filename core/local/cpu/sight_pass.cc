@@ -50,13 +50,32 @@ void SeeCells(const ScanFrame& frame, const RayBins& bins_in, const LocalMapOpti
 
 }  // namespace
 
+void FindCandidates(const RingWindow& window, const Layers& layers, float traversability_free,
+                    std::span<const std::uint8_t> confirmed, std::int32_t row_begin,
+                    std::int32_t row_end, ClearCandidates& candidates) {
+  std::size_t count = 0;
+  for (std::int32_t row = row_begin; row < row_end; ++row) {
+    for (std::int32_t column = 0; column < window.side_cells(); ++column) {
+      const Place place{static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)};
+      const std::uint32_t slot = window.SlotOf(place);
+      if (confirmed[window.IndexOf(place)] != 0 || !layers.known(slot)) continue;
+      candidates.place[count] = place;
+      candidates.elevation_m[count] = layers.elevation_m[slot];
+      candidates.variance_m2[count] = layers.variance_m2[slot];
+      candidates.is_free[count] = layers.IsFree(slot, traversability_free) ? 1 : 0;
+      ++count;
+    }
+  }
+  candidates.count = count;
+}
+
 void FindPassedBelow(VectorSet set, const RayTable& rays, const ScanFrame& frame,
                      const LocalMapOptions& options, const ClearCandidates& candidates,
-                     std::size_t begin, std::size_t end, std::vector<Place>& cleared) {
+                     std::vector<Place>& cleared) {
   RunVectorised(set, [&] {
     Sights sights;
-    for (std::size_t first = begin; first < end; first += kBlock) {
-      const std::size_t count = std::min(kBlock, end - first);
+    for (std::size_t first = 0; first < candidates.count; first += kBlock) {
+      const std::size_t count = std::min(kBlock, candidates.count - first);
       SeeCells(frame, rays.bins(), options, candidates, first, count, sights);
       for (std::size_t i = 0; i < count; ++i) {
         const CellSight sight{sights.first_bin[i], sights.num_bins[i], sights.range_bin_min[i],
