@@ -250,7 +250,7 @@ void CpuMapper::FindCleared() {
     for (std::size_t k = 1; k < parts_.size(); ++k) rays.Merge(set_, parts_[k].rays, begin, end);
     rays.Complete(set_, begin, end);
     const Piece rows = PieceOf(side, i, team_.size());
-    cpu::FindCandidates(window_, layers_, options_.traversability_free, changed_,
+    cpu::FindCandidates(set_, window_, layers_, options_.traversability_free, changed_,
                         static_cast<std::int32_t>(rows.begin), static_cast<std::int32_t>(rows.end),
                         desks_[static_cast<std::size_t>(i)].candidates);
   });

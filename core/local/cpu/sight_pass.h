@@ -27,9 +27,9 @@ struct ClearCandidates {
 
 /// The known cells of rows [row_begin, row_end) that no point of the scan confirmed (0 or 1 by
 /// window index).
-void FindCandidates(const RingWindow& window, const Layers& layers, float traversability_free,
-                    std::span<const std::uint8_t> confirmed, std::int32_t row_begin,
-                    std::int32_t row_end, ClearCandidates& candidates);
+void FindCandidates(VectorSet set, const RingWindow& window, const Layers& layers,
+                    float traversability_free, std::span<const std::uint8_t> confirmed,
+                    std::int32_t row_begin, std::int32_t row_end, ClearCandidates& candidates);
 
 /// Appends those candidates that rays pass below to `cleared`, in their order.
 void FindPassedBelow(VectorSet set, const RayTable& rays, const ScanFrame& frame,
