@@ -1,6 +1,7 @@
 #include "core/local/cpu_mapper.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "core/base/stopwatch.h"
@@ -25,13 +26,20 @@ using cpu::HitLanes;
 using cpu::Layers;
 using cpu::MeasuredPart;
 
+// Points that a thread measures before it looks for more.
+constexpr std::size_t kRun = 8192;
+
 // What one thread of the team works with.
 struct Desk {
   explicit Desk(const RingWindow& window)
-      : planes(window.side_cells()), candidates(window.num_cells()) {
+      : sorted(window.num_cells()), planes(window.side_cells()), candidates(window.num_cells()) {
     cleared.reserve(window.num_cells());
   }
 
+  // A band of rows is this desk's: the same thread sorts, fuses, annotates and clears there, so
+  // that its cells stay in its cache.
+  Piece rows{0, 0};
+  HitLanes sorted;
   std::vector<Hit> hits;  // of one cell
   cpu::PlaneRows planes;
   cpu::ClearCandidates candidates;
@@ -48,12 +56,12 @@ class CpuMapper final : public LocalMapper {
         team_(threads),
         window_(SideCells(options)),
         layers_(window_.num_cells()),
-        hits_(window_.num_cells()),
         changed_(window_.num_cells()) {
     const RayBins bins = RayBinsOf(window_.side_cells(), options.cell_size_m);
     for (int i = 0; i < threads; ++i) {
       parts_.emplace_back(window_.num_cells(), bins);
       desks_.emplace_back(window_);
+      desks_.back().rows = PieceOf(static_cast<std::size_t>(window_.side_cells()), i, threads);
     }
   }
 
@@ -117,7 +125,7 @@ class CpuMapper final : public LocalMapper {
   ScanFrame frame_{};
   std::vector<MeasuredPart> parts_;  // one of each thread
   std::vector<Desk> desks_;          // one of each thread
-  HitLanes hits_;
+  std::vector<cpu::HitRun> runs_;    // by run of points
   // By window index, 0 or 1: a point of this scan is in the cell; later, what clearing changed.
   std::vector<std::uint8_t> changed_;
 };
@@ -195,10 +203,21 @@ std::int32_t CpuMapper::RangeBinLimit() const {
 
 void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
   const std::int32_t range_bin_limit = RangeBinLimit();
+  // Threads take runs of points as they come free: the team is still waking up when the first
+  // starts. What is made of the runs does not depend on who measured them.
+  const std::size_t num_runs = team_.size() == 1 ? 1 : (points.size() + kRun - 1) / kRun;
+  runs_.resize(num_runs);
+  std::atomic<std::size_t> next_run{0};
   team_.Run([&](int i) {
-    const Piece piece = PieceOf(points.size(), i, team_.size());
-    cpu::MeasurePoints(set_, frame_, points.subspan(piece.begin, piece.end - piece.begin),
-                       range_bin_limit, parts_[static_cast<std::size_t>(i)]);
+    MeasuredPart& part = parts_[static_cast<std::size_t>(i)];
+    cpu::BeginPart(points.size(), range_bin_limit, part);
+    for (std::size_t run = next_run++; run < num_runs; run = next_run++) {
+      const std::size_t begin = run * kRun;
+      const auto of_run = num_runs == 1
+                              ? points
+                              : points.subspan(begin).first(std::min(kRun, points.size() - begin));
+      runs_[run] = cpu::MeasurePoints(set_, frame_, of_run, range_bin_limit, part);
+    }
   });
   report.points = points.size();
   for (const MeasuredPart& part : parts_) {
@@ -211,14 +230,16 @@ void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
 }
 
 void CpuMapper::Fuse(ScanReport& report) {
-  hits_.Plan(parts_);
-  std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
-  team_.Run([&](int i) { hits_.Deal(parts_[static_cast<std::size_t>(i)]); });
   const FuseTarget target = Target();
+  const auto side = static_cast<std::size_t>(window_.side_cells());
   team_.Run([&](int i) {
     Desk& desk = desks_[static_cast<std::size_t>(i)];
+    const Piece cells{desk.rows.begin * side, desk.rows.end * side};
+    std::fill(changed_.data() + cells.begin, changed_.data() + cells.end, std::uint8_t{0});
+    desk.sorted.Sort(parts_, runs_, static_cast<std::uint32_t>(cells.begin),
+                     static_cast<std::uint32_t>(cells.end));
     desk.report = ScanReport();
-    cpu::FuseCells(target, hits_, i, team_.size(), desk.hits, desk.report);
+    cpu::FuseCells(target, desk.sorted, desk.hits, desk.report);
   });
   for (const Desk& desk : desks_) {
     report.points_fused += desk.report.points_fused;
@@ -229,19 +250,17 @@ void CpuMapper::Fuse(ScanReport& report) {
 }
 
 void CpuMapper::AnnotateAroundChanged() {
-  const auto side = static_cast<std::size_t>(window_.side_cells());
   team_.Run([&](int i) {
-    const Piece rows = PieceOf(side, i, team_.size());
-    desks_[static_cast<std::size_t>(i)].planes.Annotate(
-        set_, window_, frame_.sensor_z_m, options_, changed_, static_cast<std::int32_t>(rows.begin),
-        static_cast<std::int32_t>(rows.end), layers_);
+    Desk& desk = desks_[static_cast<std::size_t>(i)];
+    desk.planes.Annotate(set_, window_, frame_.sensor_z_m, options_, changed_,
+                         static_cast<std::int32_t>(desk.rows.begin),
+                         static_cast<std::int32_t>(desk.rows.end), layers_);
   });
 }
 
 // Leaves the cells to be cleared on the desks.
 void CpuMapper::FindCleared() {
   RayTable& rays = parts_.front().rays;
-  const auto side = static_cast<std::size_t>(window_.side_cells());
   const auto num_bins = static_cast<std::size_t>(rays.bins().azimuth);
   team_.Run([&](int i) {
     const Piece bins = PieceOf(num_bins, i, team_.size());
@@ -249,10 +268,10 @@ void CpuMapper::FindCleared() {
     const auto end = static_cast<std::int32_t>(bins.end);
     for (std::size_t k = 1; k < parts_.size(); ++k) rays.Merge(set_, parts_[k].rays, begin, end);
     rays.Complete(set_, begin, end);
-    const Piece rows = PieceOf(side, i, team_.size());
+    Desk& desk = desks_[static_cast<std::size_t>(i)];
     cpu::FindCandidates(set_, window_, layers_, options_.traversability_free, changed_,
-                        static_cast<std::int32_t>(rows.begin), static_cast<std::int32_t>(rows.end),
-                        desks_[static_cast<std::size_t>(i)].candidates);
+                        static_cast<std::int32_t>(desk.rows.begin),
+                        static_cast<std::int32_t>(desk.rows.end), desk.candidates);
   });
   team_.Run([&](int i) {
     Desk& desk = desks_[static_cast<std::size_t>(i)];
@@ -271,17 +290,17 @@ void CpuMapper::Clear(ScanReport& report) {
         const std::uint32_t index = window_.IndexOf(place);
         layers_.Forget(window_.SlotOf(place));
         changed_[index] = 1;
-        const std::uint32_t rank = hits_.RankOf(index);
+        const std::uint32_t rank = desk.sorted.RankOf(index);
         if (rank == 0) continue;
         // The cell was not confirmed, so all its points were counted as gated.
-        const FuseOutcome outcome = cpu::FuseRank(Target(), hits_, rank - 1, desk.hits);
+        const FuseOutcome outcome = cpu::FuseRank(Target(), desk.sorted, rank - 1, desk.hits);
         report.points_fused += outcome.fused;
         report.points_gated -= outcome.fused;
       }
     }
     AnnotateAroundChanged();
   }
-  hits_.Clear();
+  for (Desk& desk : desks_) desk.sorted.Clear();
 }
 
 void CpuMapper::CopyTo(LocalMap& map) const {

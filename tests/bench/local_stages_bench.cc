@@ -67,7 +67,14 @@ struct Stand {
     // Beyond the farthest corner, seen from the middle.
     limit = window.side_cells() * 3 / 4;
   }
-  void Measure() { cpu::MeasurePoints(set, frame, Points(), limit, part); }
+  void Measure() {
+    cpu::BeginPart(Points().size(), limit, part);
+    run = cpu::MeasurePoints(set, frame, Points(), limit, part);
+  }
+  void Sort(cpu::HitLanes& hits) {
+    const auto num_cells = static_cast<std::uint32_t>(window.num_cells());
+    hits.Sort({&part, 1}, {&run, 1}, 0, num_cells);
+  }
   void FillLayers() {
     std::mt19937 random(1);
     std::normal_distribution<float> height_m(-1.7f, 0.1f);
@@ -85,6 +92,7 @@ struct Stand {
   RingWindow window;
   cpu::Layers layers;
   cpu::MeasuredPart part;
+  cpu::HitRun run;
   ScanFrame frame{};
   std::int32_t limit = 0;
 };
@@ -103,8 +111,7 @@ void SortHits(benchmark::State& state) {
   const std::vector<std::uint32_t> counts = stand.part.count_of_cell;
   for (auto _ : state) {
     stand.part.count_of_cell = counts;  // sorting leaves them zero; the copy is timed as well
-    hits.Plan({&stand.part, 1});
-    hits.Deal(stand.part);
+    stand.Sort(hits);
     hits.Clear();
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(stand.part.num_hits));
@@ -114,8 +121,7 @@ void FuseLanes(benchmark::State& state) {
   Stand stand(state);
   cpu::HitLanes hits(stand.window.num_cells());
   stand.Measure();
-  hits.Plan({&stand.part, 1});
-  hits.Deal(stand.part);
+  stand.Sort(hits);
   for (auto _ : state) {
     for (std::size_t group = 0; group < hits.num_groups(); ++group) {
       const std::size_t first = hits.FirstRankOf(group);

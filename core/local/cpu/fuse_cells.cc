@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "core/base/thread_team.h"
-
 namespace gem::cpu {
 namespace {
 
@@ -89,11 +87,10 @@ FuseOutcome FuseRank(const FuseTarget& target, const HitLanes& hits, std::size_t
   return outcome;
 }
 
-void FuseCells(const FuseTarget& target, const HitLanes& hits, int i, int pieces,
-               std::vector<Hit>& buffer, ScanReport& report) {
+void FuseCells(const FuseTarget& target, const HitLanes& hits, std::vector<Hit>& buffer,
+               ScanReport& report) {
   const std::size_t num_alone = hits.is_colored() ? hits.num_cells() : hits.num_long();
-  const Piece alone = PieceOf(num_alone, i, pieces);
-  for (std::size_t rank = alone.begin; rank < alone.end; ++rank) {
+  for (std::size_t rank = 0; rank < num_alone; ++rank) {
     const FuseOutcome outcome = FuseRank(target, hits, rank, buffer);
     report.points_fused += outcome.fused;
     report.points_gated += outcome.gated;
@@ -101,10 +98,8 @@ void FuseCells(const FuseTarget& target, const HitLanes& hits, int i, int pieces
     report.cells_inflated += outcome.inflated ? 1 : 0;
   }
   if (hits.is_colored()) return;
-  // Every so-many-th group, as the first ones have the most hits.
   LaneCells cells;
-  for (auto group = static_cast<std::size_t>(i); group < hits.num_groups();
-       group += static_cast<std::size_t>(pieces)) {
+  for (std::size_t group = 0; group < hits.num_groups(); ++group) {
     const std::size_t first = hits.FirstRankOf(group);
     const std::size_t count = std::min(kLanes, hits.num_cells() - first);
     Load(target, hits, first, count, cells);

@@ -33,9 +33,8 @@ struct FuseTarget {
 FuseOutcome FuseRank(const FuseTarget& target, const HitLanes& hits, std::size_t rank,
                      std::vector<Hit>& buffer);
 
-/// Fuses piece `i` of `pieces` of all cells, and adds what became of them to the report. Pieces may
-/// be fused by several threads at once, each with its own buffer and report.
-void FuseCells(const FuseTarget& target, const HitLanes& hits, int i, int pieces,
-               std::vector<Hit>& buffer, ScanReport& report);
+/// Fuses all cells, and adds what became of them to the report.
+void FuseCells(const FuseTarget& target, const HitLanes& hits, std::vector<Hit>& buffer,
+               ScanReport& report);
 
 }  // namespace gem::cpu

@@ -17,25 +17,17 @@ HitLanes::HitLanes(std::size_t num_cells)
       cells_(num_cells),
       counts_(num_cells),
       begins_(num_cells),
-      rank_of_cell_(num_cells) {}
+      rank_of_cell_(num_cells),
+      next_(num_cells) {}
 
-void HitLanes::Plan(std::span<MeasuredPart> parts) {
+void HitLanes::Sort(std::span<MeasuredPart> parts, std::span<const HitRun> runs,
+                    std::uint32_t begin, std::uint32_t end) {
   is_colored_ = false;
   for (const MeasuredPart& part : parts) is_colored_ = is_colored_ || part.is_colored;
-  ListCells(parts);
+  ListCells(parts, begin, end);
   RankCells();
   PlaceCells();
-  // A part's hits of a cell come after those of earlier parts.
-  for (std::size_t rank = 0; rank < num_cells_; ++rank) {
-    const bool is_long = rank < num_long_;
-    std::uint32_t next = begins_[rank] | (is_long ? kLongBit : 0);
-    for (MeasuredPart& part : parts) {
-      std::uint32_t& count = part.count_of_cell[cells_[rank]];
-      const std::uint32_t begin = next;
-      next += count * 2 * (is_long ? 1u : std::uint32_t{kLanes});
-      count = begin;
-    }
-  }
+  for (const HitRun& run : runs) Deal(run, begin, end);
 }
 
 void HitLanes::Clear() {
@@ -43,18 +35,19 @@ void HitLanes::Clear() {
   num_cells_ = num_long_ = 0;
 }
 
-// By window index, so that cells of a rank's neighbours are near in memory as well.
-void HitLanes::ListCells(std::span<MeasuredPart> parts) {
-  const auto size = static_cast<std::uint32_t>(rank_of_cell_.size());
+void HitLanes::ListCells(std::span<MeasuredPart> parts, std::uint32_t begin, std::uint32_t end) {
   std::size_t listed = 0;
-  for (std::uint32_t cell = 0; cell < size; ++cell) {
-    std::uint32_t count = parts[0].count_of_cell[cell];
-    for (std::size_t i = 1; i < parts.size(); ++i) count += parts[i].count_of_cell[cell];
+  for (std::uint32_t cell = begin; cell < end; ++cell) {
+    std::uint32_t count = 0;
+    for (const MeasuredPart& part : parts) count += part.count_of_cell[cell];
     listed_[listed] = cell;
     listed_count_[listed] = count;
     listed += count != 0 ? 1 : 0;  // else the next one takes the place
   }
   num_cells_ = listed;
+  for (MeasuredPart& part : parts) {
+    std::fill(part.count_of_cell.begin() + begin, part.count_of_cell.begin() + end, 0u);
+  }
 }
 
 // Counting sort by descending number of hits.
@@ -80,35 +73,39 @@ void HitLanes::RankCells() {
 }
 
 void HitLanes::PlaceCells() {
-  std::size_t size = 0;
+  std::uint32_t size = 0;
   for (std::size_t rank = 0; rank < num_long_; ++rank) {
-    begins_[rank] = static_cast<std::uint32_t>(size);
+    begins_[rank] = size;
+    next_[cells_[rank]] = size | kLongBit;
     size += 2 * counts_[rank];
   }
   for (std::size_t first = num_long_; first < num_cells_; first += kLanes) {
     const std::size_t end = std::min(first + kLanes, num_cells_);
     for (std::size_t rank = first; rank < end; ++rank) {
-      begins_[rank] = static_cast<std::uint32_t>(size + rank - first);
+      begins_[rank] = size + static_cast<std::uint32_t>(rank - first);
+      next_[cells_[rank]] = begins_[rank];
     }
-    size += 2 * kLanes * counts_[first];  // the longest of the group
+    size += 2 * std::uint32_t{kLanes} * counts_[first];  // the longest of the group
   }
   if (heights_.size() < size) heights_.resize(size);
   if (is_colored_ && rgba_.size() < size) rgba_.resize(heights_.size());
 }
 
-void HitLanes::Deal(MeasuredPart& part) {
+void HitLanes::Deal(const HitRun& run, std::uint32_t begin, std::uint32_t end) {
+  const MeasuredPart& part = *run.part;
   float* heights = heights_.data();
-  std::uint32_t* next = part.count_of_cell.data();
-  for (std::size_t i = 0; i < part.num_hits; ++i) {
-    const std::uint32_t marked = next[part.cell[i]];
+  std::uint32_t* next = next_.data();
+  for (std::size_t i = run.begin; i < run.end; ++i) {
+    const std::uint32_t cell = part.cell[i];
+    if (cell - begin >= end - begin) continue;  // also below: it wraps
+    const std::uint32_t marked = next[cell];
     const std::uint32_t lanes = (marked & kLongBit) != 0 ? 1 : kLanes;
-    next[part.cell[i]] = marked + 2 * lanes;
+    next[cell] = marked + 2 * lanes;
     const std::uint32_t at = marked & ~kLongBit;
     heights[at] = part.height[i].elevation_m;
     heights[at + lanes] = part.height[i].variance_m2;
     if (is_colored_) rgba_[at] = part.rgba[i];
   }
-  std::fill(part.count_of_cell.begin(), part.count_of_cell.end(), 0u);
 }
 
 std::span<const Hit> HitLanes::HitsOf(std::size_t rank, std::vector<Hit>& buffer) const {

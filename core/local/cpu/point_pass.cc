@@ -170,28 +170,36 @@ void MeasureBlocks(const ScanFrame& frame, std::span<const ScanPoint> points, st
 
 }  // namespace
 
-void MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
-                   std::int32_t range_bin_limit, MeasuredPart& part) {
-  if (part.cell.size() < points.size()) {
-    part.cell.resize(points.size());
-    part.height.resize(points.size());
-    part.rgba.resize(points.size());
+void BeginPart(std::size_t num_points, std::int32_t range_bin_limit, MeasuredPart& part) {
+  if (part.cell.size() < num_points) {
+    part.cell.resize(num_points);
+    part.height.resize(num_points);
+    part.rgba.resize(num_points);
   }
+  part.num_hits = 0;
+  part.is_colored = false;
+  part.fates = {};
+  part.rays.Reset(range_bin_limit);
+}
+
+HitRun MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
+                     std::int32_t range_bin_limit, MeasuredPart& part) {
   Passed passed;
-  Lists lists{part.cell.data(), part.height.data(), part.rgba.data(), part.count_of_cell.data(), 0};
+  Lists lists{part.cell.data(), part.height.data(), part.rgba.data(), part.count_of_cell.data(),
+              part.num_hits};
   RunVectorised(set, [&] {
-    part.rays.Reset(range_bin_limit);
     if (frame.has_body) {
       MeasureBlocks<true>(frame, points, range_bin_limit, part.rays, lists, passed);
     } else {
       MeasureBlocks<false>(frame, points, range_bin_limit, part.rays, lists, passed);
     }
   });
+  const HitRun run{&part, part.num_hits, lists.num_hits};
   part.num_hits = lists.num_hits;
-  part.is_colored = HasColor(passed.any_rgba);
-  const auto num_hits = static_cast<std::int32_t>(lists.num_hits);
+  part.is_colored = part.is_colored || HasColor(passed.any_rgba);
+  const auto num_hits = static_cast<std::int32_t>(run.end - run.begin);
   const auto count = [&](PointFate fate, std::int32_t num_points) {
-    part.fates[static_cast<std::size_t>(fate)] = static_cast<std::uint32_t>(num_points);
+    part.fates[static_cast<std::size_t>(fate)] += static_cast<std::uint32_t>(num_points);
   };
   count(PointFate::kOutOfRange, static_cast<std::int32_t>(points.size()) - passed.range);
   count(PointFate::kOnBody, passed.range - passed.body);
@@ -199,6 +207,7 @@ void MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPo
   count(PointFate::kTooHigh, passed.low - passed.high);
   count(PointFate::kOutsideWindow, passed.high - num_hits);
   count(PointFate::kInWindow, num_hits);
+  return run;
 }
 
 }  // namespace gem::cpu
