@@ -6,8 +6,8 @@ cd "$(dirname "$0")/.."
 sources() { git ls-files --cached --others --exclude-standard "$@"; }
 
 case "${1:-}" in
-  format) sources '*.h' '*.cc' | xargs clang-format --dry-run --Werror ;;
-  fix) sources '*.h' '*.cc' | xargs clang-format -i ;;
+  format) sources '*.h' '*.cc' '*.cu' | xargs clang-format --dry-run --Werror ;;
+  fix) sources '*.h' '*.cc' '*.cu' | xargs clang-format -i ;;
   tidy)
     [[ -f build/clang/compile_commands.json ]] || cmake --preset clang >/dev/null
     # Generated headers must exist before anything is analysed.
