@@ -323,6 +323,22 @@ TEST(EmulatedCuda, WithoutADeviceThereIsNoMapper) {
   EXPECT_TRUE(CudaStatus().ok());
 }
 
+TEST(EmulatedCuda, IsChosenWhereThereIsADevice) {
+  const auto with_device = ChooseLocalBackend(LocalBackend::kAuto);
+  EXPECT_EQ(with_device.backend, LocalBackend::kCuda);
+  EXPECT_EQ(with_device.why_not_cuda, "");
+  gpu::emulation::SetDeviceCount(0);
+  for (const LocalBackend wanted : {LocalBackend::kAuto, LocalBackend::kCuda}) {
+    const auto without = ChooseLocalBackend(wanted);
+    EXPECT_EQ(without.backend, LocalBackend::kCpu);
+    EXPECT_EQ(without.why_not_cuda, "no CUDA device: emulated");
+  }
+  EXPECT_EQ(ChooseLocalBackend(LocalBackend::kCpu).why_not_cuda, "");
+  EXPECT_TRUE(MakeLocalMapper(LocalBackend::kAuto, SmallWindow()).ok());
+  EXPECT_FALSE(MakeLocalMapper(LocalBackend::kCuda, SmallWindow()).ok());
+  gpu::emulation::SetDeviceCount(1);
+}
+
 TEST(EmulatedCuda, WithoutMemoryThereIsNoMapper) {
   for (int mallocs = 0; mallocs < 5; ++mallocs) {
     gpu::emulation::FailMallocAfter(mallocs);
