@@ -94,6 +94,11 @@ class Range {
 
   void* PoisonShared(std::size_t size_bytes) {
     if (size_bytes > kSharedBytesMax) Report("more than 48 KiB of shared memory");
+#if defined(GEM_TSAN_FIBERS)
+    // New memory, so that blocks which have it one after the other do not race for it.
+    GEM_CHECK(mmap(shared_, kSharedBytesMax, PROT_READ | PROT_WRITE,
+                   MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) == shared_);
+#endif
     std::memset(shared_, kPoison, kSharedBytesMax);
     return shared_ + kSharedBytesMax - RoundUp(size_bytes, kAlignment);
   }

@@ -33,8 +33,10 @@ struct Execution {
   std::vector<Thread> threads;
   std::vector<std::uint32_t> ready;
   std::uint32_t running = 0;
-  // What orders threads for ThreadSanitizer: the launch and the barriers.
-  char launch_order = 0, barrier_order = 0;
+  // What orders threads for ThreadSanitizer: the launch comes before all of them, its end after all
+  // of them, and of barriers there are two in turn, as a thread may reach the next one while others
+  // still leave this one.
+  char begin_order = 0, end_order = 0, barrier_order[2] = {};
 };
 
 Execution& Now() {
@@ -129,20 +131,20 @@ void RunGrid(Dim grid, Dim block, std::size_t shared_bytes, const std::function<
   std::iota(order.begin(), order.end(), 0u);
   std::shuffle(order.begin(), order.end(), now.random);
   const std::function<void()> ordered = [&] {
-    AcquireFrom(&now.launch_order);
+    AcquireFrom(&now.begin_order);
     thread();
-    ReleaseTo(&now.launch_order);
+    ReleaseTo(&now.end_order);
   };
   BeginKernelAccesses();
-  ReleaseTo(&now.launch_order);
   for (const std::uint32_t number : order) {
     now.block_number = number;
     now.block_index = {number % grid.x, number / grid.x};
     now.shared = PoisonShared(shared_bytes);
     BeginBlockAccesses();
+    ReleaseTo(&now.begin_order);
     RunBlock(ordered);
   }
-  AcquireFrom(&now.launch_order);
+  AcquireFrom(&now.end_order);
 }
 
 bool InKernel() { return Now().fibers.in_fiber(); }
@@ -169,9 +171,10 @@ Dim GridDim() { return Now().grid; }
 void* SharedBytes() { return Now().shared; }
 
 void SyncThreads() {
-  emulation::ReleaseTo(&Now().barrier_order);
+  char* const order = &Now().barrier_order[Now().phase % 2];
+  emulation::ReleaseTo(order);
   emulation::Wait(emulation::State::kAtBarrier);
-  emulation::AcquireFrom(&Now().barrier_order);
+  emulation::AcquireFrom(order);
 }
 
 std::uint32_t ShuffleUp(std::uint32_t value, std::uint32_t delta) {

@@ -211,21 +211,19 @@ DeviceRays CudaMapper::RaysOver(const ScanFrame& frame) const {
 
 void CudaMapper::EnqueueStages(const Scan& scan, float growth_m2) {
   const ScanFrame frame = MakeScanFrame(scan, window_.origin, options_);
-  const FuseTask task{frame, limits_, options_.traversability_free, scan.stamp_ns};
+  const FuseTask task{scan.stamp_ns, frame, limits_, options_.traversability_free};
   const DeviceRays rays = RaysOver(frame);
   const DeviceLayers layers = layers_.device();
-  DeviceScan device{points_.data(),  static_cast<std::uint32_t>(scan.points.size()),
-                    sort_.keys(),    sort_.positions(),
-                    hits_.data(),    sorted_hits_.data(),
-                    runs_.data(),    changed_.data(),
-                    counters_.data()};
+  DeviceScan device{points_.data(),    scan.points.size(), sort_.keys(),
+                    sort_.positions(), hits_.data(),       sorted_hits_.data(),
+                    runs_.data(),      changed_.data(),    counters_.data()};
   if (growth_m2 != 0.0f) EnqueueGrow(layers, window_.num_cells(), growth_m2, limits_, *stream_);
   gpu::MarkAsync(kMoved, *stream_);
   EnqueueMeasure(frame, rays, device, *stream_);
   gpu::MarkAsync(kMeasured, *stream_);
   if (device.num_points > 0) {
     const auto key_bits = static_cast<std::uint32_t>(std::bit_width(window_.num_cells()));
-    sort_.EnqueueSort(device.num_points, key_bits, *stream_);
+    sort_.EnqueueSort(static_cast<std::uint32_t>(device.num_points), key_bits, *stream_);
     device.keys = sort_.keys();
     device.positions = sort_.positions();
   }

@@ -121,7 +121,7 @@ enum Counter : std::uint32_t {
 /// Of the scan in hand.
 struct DeviceScan {
   const ScanPoint* points;
-  std::uint32_t num_points;
+  std::uint64_t num_points;  ///< fits 32 bits; wide, so that no gap of the struct holds old bytes
   std::uint32_t* keys;       ///< a point's window index, or num_cells() if it is in no cell
   std::uint32_t* positions;  ///< after the sort: the point's place in the scan
   Hit* hits;                 ///< by point

@@ -334,7 +334,8 @@ void EnqueueMeasure(const ScanFrame& frame, const DeviceRays& rays, const Device
                        static_cast<std::size_t>(rays.bins.azimuth) * sizeof(std::uint32_t),
                    stream);
   if (scan.num_points == 0) return;
-  gpu::Launch(MeasurePoints, {gpu::BlocksOver(scan.num_points, kThreads)}, {kThreads},
+  gpu::Launch(MeasurePoints,
+              {gpu::BlocksOver(static_cast<std::uint32_t>(scan.num_points), kThreads)}, {kThreads},
               kCountingBytes, stream, frame, rays, scan);
 }
 
@@ -342,8 +343,8 @@ void EnqueueFuse(const DeviceLayers& layers, const DeviceWindow& window, const F
                  const DeviceScan& scan, gpu::Stream& stream) {
   gpu::MemsetAsync(scan.runs, 0, window.num_cells() * sizeof(CellRun), stream);
   if (scan.num_points > 0) {
-    gpu::Launch(FindRuns, {gpu::BlocksOver(scan.num_points, kThreads)}, {kThreads}, 0, stream, scan,
-                window.num_cells());
+    gpu::Launch(FindRuns, {gpu::BlocksOver(static_cast<std::uint32_t>(scan.num_points), kThreads)},
+                {kThreads}, 0, stream, scan, window.num_cells());
   }
   gpu::Launch(FuseCells, {gpu::BlocksOver(window.num_cells(), kThreads)}, {kThreads},
               kCountingBytes, stream, layers, window, task, scan);

@@ -26,11 +26,14 @@ void EnqueueMeasure(const ScanFrame& frame, const DeviceRays& rays, const Device
 
 /// What fusing and clearing need to know.
 struct FuseTask {
+  std::int64_t stamp_ns;
   ScanFrame frame;
   FuseLimits limits;
   float traversability_free;
-  std::int64_t stamp_ns;
 };
+// Without gaps: the emulation looks for pointers of the host in what kernels are given.
+static_assert(sizeof(FuseTask) ==
+              sizeof(std::int64_t) + sizeof(ScanFrame) + sizeof(FuseLimits) + sizeof(float));
 
 /// Finds the runs of the sorted keys, then eqs. (5)-(6) for every cell.
 void EnqueueFuse(const DeviceLayers& layers, const DeviceWindow& window, const FuseTask& task,
