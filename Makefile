@@ -2,7 +2,7 @@
 JOBS ?= 2
 export CTEST_OUTPUT_ON_FAILURE = 1
 
-.PHONY: all build demo evaluate test test-asan test-tsan lint format tidy deps clean help
+.PHONY: all build demo evaluate test test-asan test-tsan test-deploy lint format tidy deps clean help
 
 all: build
 
@@ -15,6 +15,7 @@ help:
 	@echo "make format     format all sources"
 	@echo "make test-asan  tests under AddressSanitizer and UndefinedBehaviorSanitizer, fuzzer seeds"
 	@echo "make test-tsan  tests under ThreadSanitizer"
+	@echo "make test-deploy dashboards, rules and alerts against a loaded server that Prometheus watches"
 	@echo "make clean      remove build/ and out/"
 
 deps:
@@ -48,6 +49,11 @@ TSAN_TESTS = base_test global_test server_core_test emulation_test
 test-tsan: build/tsan/build.ninja
 	cmake --build build/tsan -j $(JOBS) --target $(TSAN_TESTS)
 	ctest --preset tsan
+
+# Debian's own Python, for which apt installs what is needed.
+test-deploy: build
+	deploy/install_dependencies.sh --deploy
+	GEM_BIN=$(CURDIR)/build/release/bin /usr/bin/python3 -B -m unittest discover -s tests/deploy -p '*_test.py'
 
 lint:
 	deploy/lint.sh format

@@ -82,7 +82,7 @@ struct OutgoingScan {
 /// How points travel.
 enum class PointEncoding {
   kFloat32,  ///< exact; 12 bytes a point, 16 with colour
-  kInt16,    ///< 6 bytes a point, in steps of 1 mm, or more if a point is farther than 32 m
+  kInt16,    ///< 6 bytes a point, 10 with colour; in steps of 1 mm, or more beyond 32 m
 };
 
 /// What the server refused. A refused scan does not end the session.

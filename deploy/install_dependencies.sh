@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Installs what building and testing need on Debian 12, if it is missing. Asks apt nothing when all is there.
+#   deploy/install_dependencies.sh [--lint] [--deploy]     also for checking the sources; for testing what is in deploy/
 set -euo pipefail
 
 packages=(
@@ -9,9 +10,13 @@ packages=(
   libopencv-calib3d-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )
-if [[ "${1:-}" == "--lint" ]]; then
-  packages+=(clang clang-tidy clang-format libclang-rt-14-dev)
-fi
+for option in "$@"; do
+  case $option in
+    --lint) packages+=(clang clang-tidy clang-format libclang-rt-14-dev) ;;
+    --deploy) packages+=(python3 python3-yaml prometheus systemd) ;;
+    *) echo "install_dependencies: $option is unknown, want --lint or --deploy" >&2; exit 2 ;;
+  esac
+done
 
 missing=()
 for package in "${packages[@]}"; do

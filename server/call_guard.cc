@@ -6,10 +6,19 @@
 
 namespace gem {
 
+GuardedCall::GuardedCall(grpc::CallbackServerContext* context, const CallMessages& messages,
+                         MethodMetrics& metrics)
+    : context_(context), messages_(messages), metrics_(metrics) {
+  metrics_.Begin();
+  metrics_.CountReceived(messages_.request->ByteSizeLong());
+}
+
 void GuardedCall::Complete(const absl::Status& status) {
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  metrics_.Observe(CodeName(status), seconds);
+  // The response of a call that failed is not sent.
+  if (status.ok()) metrics_.CountSent(messages_.response->ByteSizeLong());
+  metrics_.End(CodeName(status), seconds);
   Finish(ToGrpc(status));
 }
 
@@ -18,24 +27,24 @@ bool GuardedCall::abandoned() const {
 }
 
 grpc::ServerUnaryReactor* CallGuard::Run(grpc::CallbackServerContext* context,
-                                         MethodMetrics& metrics,
+                                         const CallMessages& messages, MethodMetrics& metrics,
                                          const std::function<absl::Status()>& work) {
-  auto* call = new GuardedCall(context, metrics);
+  auto* call = new GuardedCall(context, messages, metrics);
   call->Complete(work());
   return call;
 }
 
 grpc::ServerUnaryReactor* CallGuard::RunInPool(grpc::CallbackServerContext* context,
-                                               MethodMetrics& metrics,
+                                               const CallMessages& messages, MethodMetrics& metrics,
                                                std::function<absl::Status()> work) {
-  return RunAsync(context, metrics,
+  return RunAsync(context, messages, metrics,
                   [work = std::move(work)](GuardedCall* call) { call->Complete(work()); });
 }
 
 grpc::ServerUnaryReactor* CallGuard::RunAsync(grpc::CallbackServerContext* context,
-                                              MethodMetrics& metrics,
+                                              const CallMessages& messages, MethodMetrics& metrics,
                                               std::function<void(GuardedCall*)> work) {
-  auto* call = new GuardedCall(context, metrics);
+  auto* call = new GuardedCall(context, messages, metrics);
   const absl::Status queued = pool_.Submit([call, work = std::move(work)] {
     // It may have waited longer than its caller.
     if (call->abandoned()) {

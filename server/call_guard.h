@@ -2,6 +2,7 @@
 // what is too heavy for gRPC's callback threads.
 #pragma once
 
+#include <google/protobuf/message.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
@@ -14,12 +15,18 @@
 
 namespace gem {
 
+/// What a call reads and writes; both live until it is completed.
+struct CallMessages {
+  const google::protobuf::Message* request = nullptr;
+  const google::protobuf::Message* response = nullptr;
+};
+
 /// One call in progress. Complete() must be called exactly once, from any thread; the request and
 /// the response live until then. Deletes itself.
 class GuardedCall final : public grpc::ServerUnaryReactor {
  public:
-  GuardedCall(grpc::CallbackServerContext* context, MethodMetrics& metrics)
-      : context_(context), metrics_(metrics) {}
+  GuardedCall(grpc::CallbackServerContext* context, const CallMessages& messages,
+              MethodMetrics& metrics);
   void Complete(const absl::Status& status);
   /// The client does not wait any more.
   bool abandoned() const;
@@ -28,6 +35,7 @@ class GuardedCall final : public grpc::ServerUnaryReactor {
   void OnDone() override { delete this; }
 
   grpc::CallbackServerContext* const context_;
+  const CallMessages messages_;
   MethodMetrics& metrics_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
@@ -37,13 +45,15 @@ class CallGuard {
   explicit CallGuard(WorkerPool& pool) : pool_(pool) {}
 
   /// At once, on gRPC's thread: for answers that take microseconds.
-  grpc::ServerUnaryReactor* Run(grpc::CallbackServerContext* context, MethodMetrics& metrics,
-                                const std::function<absl::Status()>& work);
+  grpc::ServerUnaryReactor* Run(grpc::CallbackServerContext* context, const CallMessages& messages,
+                                MethodMetrics& metrics, const std::function<absl::Status()>& work);
   /// On a worker's thread.
-  grpc::ServerUnaryReactor* RunInPool(grpc::CallbackServerContext* context, MethodMetrics& metrics,
+  grpc::ServerUnaryReactor* RunInPool(grpc::CallbackServerContext* context,
+                                      const CallMessages& messages, MethodMetrics& metrics,
                                       std::function<absl::Status()> work);
   /// Begins on a worker's thread; `work` sees to it that the call is completed, then or later.
-  grpc::ServerUnaryReactor* RunAsync(grpc::CallbackServerContext* context, MethodMetrics& metrics,
+  grpc::ServerUnaryReactor* RunAsync(grpc::CallbackServerContext* context,
+                                     const CallMessages& messages, MethodMetrics& metrics,
                                      std::function<void(GuardedCall*)> work);
 
  private:

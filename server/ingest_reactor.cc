@@ -59,6 +59,7 @@ void IngestStreams::DrainAll() {
 
 void IngestReactor::Start() {
   self_ = shared_from_this();
+  metrics_.Begin();
   const bool welcome = streams_.Add(self_);
   MutexLock lock(mutex_);
   if (welcome) {
@@ -78,6 +79,7 @@ void IngestReactor::OnReadDone(bool ok) {
   std::shared_ptr<IngestSink> taken_over;
   absl::Status refused;
   bool is_open = false;
+  if (ok) metrics_.CountReceived(request_.ByteSizeLong());
   if (ok && request_.has_open()) {
     is_open = true;
     // Outside of the mutex: it makes threads. Only this function sets session_.
@@ -278,6 +280,7 @@ void IngestReactor::AdvanceLocked() {
   if (writing_ || finished_) return;
   if (NextResponseLocked()) {
     writing_ = true;
+    metrics_.CountSent(response_.ByteSizeLong());
     StartWrite(&response_);
     return;
   }
@@ -287,7 +290,7 @@ void IngestReactor::AdvanceLocked() {
   if (!end_.has_value() && all_told) end_ = absl::OkStatus();
   if (!end_.has_value()) return;
   finished_ = true;
-  metrics_.Observe(CodeName(*end_), std::chrono::duration<double>(Clock::now() - start_).count());
+  metrics_.End(CodeName(*end_), std::chrono::duration<double>(Clock::now() - start_).count());
   Finish(ToGrpc(*end_));
 }
 

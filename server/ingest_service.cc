@@ -26,22 +26,23 @@ grpc::ServerBidiReactor<v1::IngestRequest, v1::IngestResponse>* IngestService::I
 grpc::ServerUnaryReactor* IngestService::CorrectTrajectory(
     grpc::CallbackServerContext* context, const v1::CorrectTrajectoryRequest* request,
     v1::CorrectTrajectoryResponse* response) {
-  return guard_.RunAsync(context, correct_trajectory_, [=, this](GuardedCall* call) {
-    absl::StatusOr<wire::CorrectionRequest> correction = wire::FromProto(*request);
-    if (!correction.ok()) return call->Complete(correction.status());
-    const absl::StatusOr<std::shared_ptr<MapActor>> map = registry_.FindMap(correction->map);
-    if (!map.ok()) return call->Complete(map.status());
-    (*map)->Correct(correction->session, correction->request_id, std::move(correction->poses),
-                    [call, response](const absl::StatusOr<CorrectionAnswer>& answer) {
-                      if (!answer.ok()) return call->Complete(answer.status());
-                      wire::ToProto(answer->version, response->mutable_version());
-                      response->set_num_moved_submaps(answer->num_moved_submaps);
-                      response->set_num_touched_tiles(answer->num_touched_tiles);
-                      response->set_num_poses_ahead(answer->num_poses_ahead);
-                      response->set_num_poses_ignored(answer->num_poses_ignored);
-                      call->Complete(absl::OkStatus());
-                    });
-  });
+  return guard_.RunAsync(
+      context, {request, response}, correct_trajectory_, [=, this](GuardedCall* call) {
+        absl::StatusOr<wire::CorrectionRequest> correction = wire::FromProto(*request);
+        if (!correction.ok()) return call->Complete(correction.status());
+        const absl::StatusOr<std::shared_ptr<MapActor>> map = registry_.FindMap(correction->map);
+        if (!map.ok()) return call->Complete(map.status());
+        (*map)->Correct(correction->session, correction->request_id, std::move(correction->poses),
+                        [call, response](const absl::StatusOr<CorrectionAnswer>& answer) {
+                          if (!answer.ok()) return call->Complete(answer.status());
+                          wire::ToProto(answer->version, response->mutable_version());
+                          response->set_num_moved_submaps(answer->num_moved_submaps);
+                          response->set_num_touched_tiles(answer->num_touched_tiles);
+                          response->set_num_poses_ahead(answer->num_poses_ahead);
+                          response->set_num_poses_ignored(answer->num_poses_ignored);
+                          call->Complete(absl::OkStatus());
+                        });
+      });
 }
 
 }  // namespace gem

@@ -1,6 +1,8 @@
 #include "server/live_collector.h"
 
 #include <algorithm>
+#include <optional>
+#include <string>
 #include <utility>
 
 namespace gem {
@@ -18,9 +20,43 @@ prometheus::ClientMetric InState(const char* state, double value) {
   return metric;
 }
 
+prometheus::ClientMetric OfMap(const std::string& map, double value) {
+  prometheus::ClientMetric metric = Value(value);
+  metric.label.push_back({"map", map});
+  return metric;
+}
+
 prometheus::MetricFamily Gauge(const char* name, const char* help,
                                std::vector<prometheus::ClientMetric> metrics) {
   return {name, help, prometheus::MetricType::Gauge, std::move(metrics)};
+}
+
+double AgeAt(Clock::time_point now, std::optional<Clock::time_point> since) {
+  return since.has_value() ? std::chrono::duration<double>(now - *since).count() : 0;
+}
+
+void AppendMaps(const Registry& registry, Clock::time_point now,
+                std::vector<prometheus::MetricFamily>& families) {
+  std::vector<prometheus::ClientMetric> staleness, revision_age, correction_age, corrections;
+  for (const auto& map : registry.Maps()) {
+    const MapActor::Lag lag = map->lag();
+    staleness.push_back(OfMap(map->id(), AgeAt(now, lag.oldest_waiting)));
+    revision_age.push_back(OfMap(map->id(), AgeAt(now, lag.published)));
+    correction_age.push_back(OfMap(map->id(), AgeAt(now, lag.oldest_correction)));
+    corrections.push_back(OfMap(map->id(), lag.num_corrections));
+  }
+  families.push_back(
+      Gauge("gem_map_staleness_seconds",
+            "Age of the oldest news that no published revision shows; 0: the map is up to date",
+            std::move(staleness)));
+  families.push_back(Gauge("gem_map_revision_age_seconds",
+                           "Time since the newest revision was published; grows without robots",
+                           std::move(revision_age)));
+  families.push_back(Gauge("gem_correction_oldest_seconds",
+                           "Age of the oldest correction without an answer; 0: there is none",
+                           std::move(correction_age)));
+  families.push_back(
+      Gauge("gem_waiting_corrections", "Corrections without an answer", std::move(corrections)));
 }
 
 }  // namespace
@@ -44,6 +80,7 @@ std::vector<prometheus::MetricFamily> LiveCollector::Collect() const {
   families.push_back(Gauge("gem_sessions",
                            "Sessions that have not ended, with and without a stream",
                            {InState("connected", num_connected), InState("alone", num_alone)}));
+  AppendMaps(registry_, now, families);
   return families;
 }
 

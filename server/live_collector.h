@@ -1,4 +1,5 @@
-// The metrics that are computed when they are asked for: queues and sessions.
+// The metrics that are computed when they are asked for: queues, sessions, how far maps
+// are behind.
 #pragma once
 
 #include <prometheus/collectable.h>
@@ -15,7 +16,9 @@ class LiveCollector final : public prometheus::Collectable {
   /// The registry outlives the collector.
   explicit LiveCollector(const Registry& registry) : registry_(registry) {}
 
-  /// gem_queue_bytes, gem_queue_oldest_seconds, gem_sessions{state}.
+  /// gem_queue_bytes, gem_queue_oldest_seconds, gem_sessions{state}; of each map
+  /// gem_map_staleness_seconds, gem_map_revision_age_seconds, gem_correction_oldest_seconds,
+  /// gem_waiting_corrections.
   std::vector<prometheus::MetricFamily> Collect() const override;
 
  private:

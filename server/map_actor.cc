@@ -51,6 +51,7 @@ absl::Status MapActor::AddSession(const std::string& session, const std::string&
   known_.insert(session);
   sessions_.push_back(session);
   added_.push_back({session, robot, T_G_O});
+  NoteNewsLocked();
   changed_.NotifyOne();
   return absl::OkStatus();
 }
@@ -71,6 +72,7 @@ void MapActor::Update(const std::string& session, SessionUpdate update,
       PendingSession& pending = pending_[session];
       urgent_ = urgent_ || update.ended;
       Coalesce(pending, std::move(update));
+      NoteNewsLocked();
       if (published != nullptr) pending.published.push_back(std::move(published));
       changed_.NotifyOne();
       return;
@@ -109,7 +111,10 @@ void MapActor::Correct(const std::string& session, const std::string& request_id
       }
       PendingSession& pending = pending_[session];
       pending.correction = std::move(correction);
-      pending.waiters.push_back({session, request_id, Clock::now(), std::move(done)});
+      const Clock::time_point now = Clock::now();
+      pending.waiters.push_back({session, request_id, now, std::move(done)});
+      correction_arrivals_.insert(now);
+      NoteNewsLocked();
       urgent_ = true;
       cancel_.Cancel();
       changed_.NotifyOne();
@@ -122,6 +127,20 @@ void MapActor::Correct(const std::string& session, const std::string& request_id
 std::shared_ptr<const MapSnapshot> MapActor::snapshot() const {
   MutexLock lock(mutex_);
   return snapshot_;
+}
+
+MapActor::Lag MapActor::lag() const {
+  MutexLock lock(mutex_);
+  Lag lag;
+  lag.published = published_at_;
+  lag.oldest_waiting = taken_since_.has_value() ? taken_since_ : news_since_;
+  if (!correction_arrivals_.empty()) lag.oldest_correction = *correction_arrivals_.begin();
+  lag.num_corrections = num_waiting_;
+  return lag;
+}
+
+void MapActor::NoteNewsLocked() {
+  if (!news_since_.has_value()) news_since_ = Clock::now();
 }
 
 std::vector<std::string> MapActor::sessions() const {
@@ -175,6 +194,9 @@ bool MapActor::WaitForWork(Batch& batch) {
   batch.added = std::exchange(added_, {});
   batch.sessions = std::exchange(pending_, {});
   urgent_ = false;
+  // A rendering that was stopped has published nothing of what it took.
+  if (!taken_since_.has_value()) taken_since_ = news_since_;
+  news_since_.reset();
   // Under the mutex: a correction that comes later raises it again.
   cancel_.Reset();
   accepted_.NotifyAll();
@@ -210,6 +232,8 @@ void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const Commit
   Unpublished published = std::exchange(unpublished_, {});
   {
     MutexLock lock(mutex_);
+    if (snapshot->version != snapshot_->version) published_at_ = Clock::now();
+    taken_since_.reset();
     snapshot_ = std::move(snapshot);
   }
   for (const PublishedCallback& done : published.published) done(version);
@@ -232,6 +256,8 @@ void MapActor::Answer(const CorrectionWaiter& waiter,
       repeats = std::move(found->second);
       in_flight_.erase(found);
     }
+    const auto arrival = correction_arrivals_.find(waiter.arrived);
+    if (arrival != correction_arrivals_.end()) correction_arrivals_.erase(arrival);
     num_waiting_ -= 1 + static_cast<int>(repeats.size());
   }
   waiter.done(answer);

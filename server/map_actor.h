@@ -5,11 +5,13 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "absl/container/btree_map.h"
+#include "absl/container/btree_set.h"
 #include "absl/container/flat_hash_set.h"
 #include "absl/status/status.h"
 #include "core/base/cancel_token.h"
@@ -56,6 +58,15 @@ class MapActor {
 
   /// Never null.
   std::shared_ptr<const MapSnapshot> snapshot() const;
+  /// How far the published map is behind.
+  struct Lag {
+    Clock::time_point published;  ///< when the newest revision was
+    /// Arrival of the oldest word of a session or a correction that no revision shows.
+    std::optional<Clock::time_point> oldest_waiting;
+    std::optional<Clock::time_point> oldest_correction;  ///< of those without an answer
+    int num_corrections = 0;                             ///< without an answer
+  };
+  Lag lag() const;
   /// Ids of the sessions that ever fed the map, in order of arrival.
   std::vector<std::string> sessions() const;
 
@@ -80,6 +91,7 @@ class MapActor {
   };
 
   void Run();
+  void NoteNewsLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Waits until there is something to do; false: stop.
   bool WaitForWork(Batch& batch);
   void Apply(Batch& batch);
@@ -115,6 +127,10 @@ class MapActor {
   /// Requests with an id that were taken and are not answered yet; whoever repeats one joins it.
   absl::btree_map<std::pair<std::string, std::string>, std::vector<CorrectionCallback>> in_flight_
       ABSL_GUARDED_BY(mutex_);
+  absl::btree_multiset<Clock::time_point> correction_arrivals_ ABSL_GUARDED_BY(mutex_);
+  std::optional<Clock::time_point> news_since_ ABSL_GUARDED_BY(mutex_);   ///< waits for the thread
+  std::optional<Clock::time_point> taken_since_ ABSL_GUARDED_BY(mutex_);  ///< not published yet
+  Clock::time_point published_at_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   int num_waiting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool urgent_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;

@@ -134,27 +134,28 @@ MapService::MapService(Registry& registry, const ServerOptions& options, Metrics
 grpc::ServerUnaryReactor* MapService::GetMap(grpc::CallbackServerContext* context,
                                              const v1::GetMapRequest* request,
                                              v1::GetMapResponse* response) {
-  return guard_.Run(context, get_map_, [&] { return gem::GetMap(registry_, *request, response); });
+  return guard_.Run(context, {request, response}, get_map_,
+                    [&] { return gem::GetMap(registry_, *request, response); });
 }
 
 grpc::ServerUnaryReactor* MapService::ListMaps(grpc::CallbackServerContext* context,
                                                const v1::ListMapsRequest* request,
                                                v1::ListMapsResponse* response) {
-  return guard_.RunInPool(context, list_maps_,
+  return guard_.RunInPool(context, {request, response}, list_maps_,
                           [=, this] { return gem::ListMaps(registry_, *request, response); });
 }
 
 grpc::ServerUnaryReactor* MapService::ListSubmaps(grpc::CallbackServerContext* context,
                                                   const v1::ListSubmapsRequest* request,
                                                   v1::ListSubmapsResponse* response) {
-  return guard_.RunInPool(context, list_submaps_,
+  return guard_.RunInPool(context, {request, response}, list_submaps_,
                           [=, this] { return gem::ListSubmaps(registry_, *request, response); });
 }
 
 grpc::ServerUnaryReactor* MapService::GetServerStatus(grpc::CallbackServerContext* context,
-                                                      const v1::GetServerStatusRequest* /*request*/,
+                                                      const v1::GetServerStatusRequest* request,
                                                       v1::GetServerStatusResponse* response) {
-  return guard_.Run(context, get_server_status_, [&] {
+  return guard_.Run(context, {request, response}, get_server_status_, [&] {
     response->set_server_version(GEM_VERSION);
     response->set_backend(std::string(NameOf(options_.backend)));
     response->set_uptime_s(

@@ -16,9 +16,18 @@ constexpr std::array<const char*, 6> kPointOutcomes = {
 constexpr std::array<const char*, 4> kCellOutcomes = {"evicted", "restarted", "inflated",
                                                       "cleared"};
 
-/// 0.1 ms to 1 s, finest where stages live; 100 ms, the promise of a correction, is an edge.
+// Every objective is an edge, so that the share of what met it is exact: 100 ms (the period of
+// scans; a scan, a correction), 5 ms (an answer with tiles), 200 ms (pose_wait_s_max).
+/// Finest where stages live.
 const Histogram::BucketBoundaries kSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01,
                                               0.025,  0.05,    0.075,  0.1,   0.25,   0.5,   1.0};
+/// What waits in queues.
+const Histogram::BucketBoundaries kWaitSeconds = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.075,
+                                                  0.1,   0.15,   0.2,   0.5,  1.0,   2.5,  10.0};
+/// Calls, and the lives of streams.
+const Histogram::BucketBoundaries kCallSeconds = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025,
+                                                  0.05,   0.1,   0.25,   0.5,   1.0,  2.5,
+                                                  10.0,   60.0,  600.0,  3600.0};
 const Histogram::BucketBoundaries kTiles = {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000};
 
 prometheus::Family<prometheus::Counter>& CounterFamily(prometheus::Registry& registry,
@@ -56,8 +65,21 @@ void MapGauges::Set(const MapSnapshot& snapshot) const {
   tiles->Set(static_cast<double>(snapshot.tiles.size()));
 }
 
-void MethodMetrics::Observe(const std::string& code, double seconds) {
-  seconds_.Observe(seconds);
+MethodMetrics::MethodMetrics(std::string method, prometheus::Family<prometheus::Counter>& calls,
+                             const Series& series)
+    : method_(std::move(method)), calls_(calls), series_(series) {
+  // There before the first call: a rate needs a zero to start from.
+  calls_.Add({{"method", method_}, {"code", "OK"}});
+}
+
+void MethodMetrics::Begin() {
+  series_.started.Increment();
+  series_.active.Increment();
+}
+
+void MethodMetrics::End(const std::string& code, double seconds) {
+  series_.active.Decrement();
+  series_.seconds.Observe(seconds);
   // Not resolved once: most of the codes never happen, and a call costs far more than the look-up.
   calls_.Add({{"method", method_}, {"code", code}}).Increment();
 }
@@ -69,12 +91,20 @@ Metrics::Metrics()
       submap_bytes_(GaugeFamily(*registry_, "gem_submap_bytes", "Memory of a map's submaps")),
       tiles_(GaugeFamily(*registry_, "gem_tiles", "Tiles of a map that hold cells")),
       calls_(CounterFamily(*registry_, "gem_rpc_total", "Calls by method and code")),
+      started_calls_(CounterFamily(*registry_, "gem_rpc_started_total", "Calls that began")),
+      active_calls_(
+          GaugeFamily(*registry_, "gem_rpc_active_calls", "Calls and streams in progress")),
+      call_bytes_(CounterFamily(*registry_, "gem_rpc_bytes_total",
+                                "Bytes of messages by method and direction, before compression")),
       call_seconds_(
           HistogramFamily(*registry_, "gem_rpc_seconds",
                           "Time from the call's start to its answer; streams: their life")),
       fused_scans_(
           CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason")
               .Add({{"result", "fused"}, {"reason", ""}})),
+      scan_seconds_(HistogramFamily(*registry_, "gem_scan_seconds",
+                                    "From the arrival of a scan to its place in the local map")
+                        .Add({}, kWaitSeconds)),
       duplicate_scans_(
           CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason")
               .Add({{"result", "duplicate"}, {"reason", ""}})),
@@ -92,6 +122,11 @@ Metrics::Metrics()
       refused_poses_(
           CounterFamily(*registry_, "gem_pose_batches_total", "Batches of streamed poses by result")
               .Add({{"result", "refused"}})),
+      full_tiles_(CounterFamily(*registry_, "gem_tiles_served_total", "Tiles of answers by outcome")
+                      .Add({{"outcome", "full"}})),
+      absent_tiles_(
+          CounterFamily(*registry_, "gem_tiles_served_total", "Tiles of answers by outcome")
+              .Add({{"outcome", "absent"}})),
       published_commits_(CounterFamily(*registry_, "gem_commits_total",
                                        "Renderings of a map; cancelled ones start again")
                              .Add({{"result", "published"}})),
@@ -103,7 +138,7 @@ Metrics::Metrics()
                           .Add({})),
       correction_seconds_(HistogramFamily(*registry_, "gem_correction_seconds",
                                           "From the arrival of a correction to its publication")
-                              .Add({}, kSeconds)),
+                              .Add({}, kWaitSeconds)),
       correction_tiles_(HistogramFamily(*registry_, "gem_correction_tiles",
                                         "Tiles that were rendered for a correction")
                             .Add({}, kTiles)) {
@@ -113,6 +148,12 @@ Metrics::Metrics()
     refused_scans_[static_cast<std::size_t>(i)] =
         &scans.Add({{"result", "refused"},
                     {"reason", std::string(wire::NameOf(static_cast<wire::ProblemReason>(i)))}});
+  prometheus::BuildGauge()
+      .Name("gem_build_info")
+      .Help("1; the label says which release runs")
+      .Register(*registry_)
+      .Add({{"version", GEM_VERSION}})
+      .Set(1);
   Counters& points =
       CounterFamily(*registry_, "gem_scan_points_total", "Points by what became of them");
   for (std::size_t i = 0; i < kPointOutcomes.size(); ++i)
@@ -132,12 +173,13 @@ Metrics::Metrics()
         std::make_unique<StageTimer>("global", stage, global.Add({{"stage", stage}}, kSeconds)));
 }
 
-void Metrics::ObserveScan(const ScanReport& report) {
+void Metrics::ObserveScan(const ScanReport& report, double seconds) {
   fused_scans_.Increment();
+  scan_seconds_.Observe(seconds);
   const LocalStageSeconds& s = report.seconds;
-  const std::array<double, kNumLocalStages> seconds = {s.move, s.measure, s.fuse, s.annotate,
-                                                       s.clear};
-  for (std::size_t i = 0; i < seconds.size(); ++i) local_stages_[i]->Observe(seconds[i]);
+  const std::array<double, kNumLocalStages> stages = {s.move, s.measure, s.fuse, s.annotate,
+                                                      s.clear};
+  for (std::size_t i = 0; i < stages.size(); ++i) local_stages_[i]->Observe(stages[i]);
   const std::array<std::uint64_t, kNumPointOutcomes> points = {
       report.points_fused,        report.points_gated,         report.points_outside_window,
       report.points_out_of_range, report.points_out_of_height, report.points_on_body};
@@ -168,6 +210,11 @@ void Metrics::ObserveCorrection(double seconds, std::uint32_t num_touched_tiles)
   correction_tiles_.Observe(num_touched_tiles);
 }
 
+void Metrics::CountTiles(std::uint64_t num_full, std::uint64_t num_absent) {
+  full_tiles_.Increment(static_cast<double>(num_full));
+  absent_tiles_.Increment(static_cast<double>(num_absent));
+}
+
 MapGauges Metrics::AddMap(const std::string& map) {
   const prometheus::Labels labels = {{"map", map}};
   return {&submaps_.Add(labels), &points_.Add(labels), &submap_bytes_.Add(labels),
@@ -175,9 +222,14 @@ MapGauges Metrics::AddMap(const std::string& map) {
 }
 
 MethodMetrics& Metrics::AddMethod(const std::string& method) {
+  const prometheus::Labels labels = {{"method", method}};
+  const MethodMetrics::Series series = {
+      started_calls_.Add(labels), active_calls_.Add(labels),
+      call_bytes_.Add({{"method", method}, {"direction", "received"}}),
+      call_bytes_.Add({{"method", method}, {"direction", "sent"}}),
+      call_seconds_.Add(labels, kCallSeconds)};
   MutexLock lock(mutex_);
-  methods_.push_back(std::make_unique<MethodMetrics>(
-      method, calls_, call_seconds_.Add({{"method", method}}, kSeconds)));
+  methods_.push_back(std::make_unique<MethodMetrics>(method, calls_, series));
   return *methods_.back();
 }
 

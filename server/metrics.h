@@ -54,19 +54,31 @@ struct MapGauges {
   void Set(const MapSnapshot& snapshot) const;
 };
 
-/// One RPC of the API.
+/// One RPC of the API. Each call begins once and ends once, whatever becomes of it.
 class MethodMetrics {
  public:
+  struct Series {
+    prometheus::Counter& started;
+    prometheus::Gauge& active;
+    prometheus::Counter& received_bytes;
+    prometheus::Counter& sent_bytes;
+    prometheus::Histogram& seconds;
+  };
   MethodMetrics(std::string method, prometheus::Family<prometheus::Counter>& calls,
-                prometheus::Histogram& seconds)
-      : method_(std::move(method)), calls_(calls), seconds_(seconds) {}
+                const Series& series);
+  void Begin();
+  /// Messages as protobuf writes them, before any compression.
+  void CountReceived(std::size_t bytes) {
+    series_.received_bytes.Increment(static_cast<double>(bytes));
+  }
+  void CountSent(std::size_t bytes) { series_.sent_bytes.Increment(static_cast<double>(bytes)); }
   /// code: "OK", "INVALID_ARGUMENT", ...
-  void Observe(const std::string& code, double seconds);
+  void End(const std::string& code, double seconds);
 
  private:
   const std::string method_;
   prometheus::Family<prometheus::Counter>& calls_;
-  prometheus::Histogram& seconds_;
+  const Series series_;
 };
 
 class Metrics {
@@ -75,7 +87,8 @@ class Metrics {
 
   const std::shared_ptr<prometheus::Registry>& registry() const { return registry_; }
 
-  void ObserveScan(const ScanReport& report);
+  /// seconds: from the scan's arrival.
+  void ObserveScan(const ScanReport& report, double seconds);
   /// A scan whose points have time offsets was fused; done: there were poses to deskew it with.
   void CountDeskew(bool done) { (done ? deskewed_scans_ : not_deskewed_scans_).Increment(); }
   void CountDuplicateScan() { duplicate_scans_.Increment(); }
@@ -84,6 +97,7 @@ class Metrics {
   void ObserveCommit(const CommitReport& report);
   /// From the arrival of a correction to its publication, and the tiles that were rendered for it.
   void ObserveCorrection(double seconds, std::uint32_t num_touched_tiles);
+  void CountTiles(std::uint64_t num_full, std::uint64_t num_absent);
   MapGauges AddMap(const std::string& map);
   /// The reference stays valid as long as the Metrics.
   MethodMetrics& AddMethod(const std::string& method);
@@ -106,8 +120,12 @@ class Metrics {
   Gauges& submap_bytes_;
   Gauges& tiles_;
   Counters& calls_;
+  Counters& started_calls_;
+  Gauges& active_calls_;
+  Counters& call_bytes_;
   Histograms& call_seconds_;
   prometheus::Counter& fused_scans_;
+  prometheus::Histogram& scan_seconds_;
   prometheus::Counter& duplicate_scans_;
   std::array<prometheus::Counter*, wire::kNumProblemReasons> refused_scans_{};
   prometheus::Counter& deskewed_scans_;
@@ -116,6 +134,8 @@ class Metrics {
   prometheus::Counter& refused_poses_;
   std::array<prometheus::Counter*, kNumPointOutcomes> point_outcomes_{};
   std::array<prometheus::Counter*, kNumCellOutcomes> cell_outcomes_{};
+  prometheus::Counter& full_tiles_;
+  prometheus::Counter& absent_tiles_;
   prometheus::Counter& published_commits_;
   prometheus::Counter& cancelled_commits_;
   prometheus::Counter& merged_submaps_;

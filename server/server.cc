@@ -16,6 +16,7 @@
 #include "server/map_service.h"
 #include "server/metrics.h"
 #include "server/metrics_page.h"
+#include "server/process_collector.h"
 #include "server/registry.h"
 #include "server/tile_service.h"
 #include "server/worker_pool.h"
@@ -66,7 +67,8 @@ struct Server::Impl {
         ingest_service(registry, options, metrics, guard),
         tile_service(registry, metrics, guard),
         map_service(registry, options, metrics, guard),
-        live_collector(std::make_shared<LiveCollector>(registry)) {}
+        live_collector(std::make_shared<LiveCollector>(registry)),
+        process_collector(std::make_shared<ProcessCollector>()) {}
 
   absl::Status ListenForMetrics() {
     absl::StatusOr<std::unique_ptr<MetricsPage>> page = MetricsPage::Start(options.metrics_listen);
@@ -75,6 +77,7 @@ struct Server::Impl {
     metrics_page = *std::move(page);
     metrics_page->Show(metrics.registry());
     metrics_page->Show(live_collector);
+    metrics_page->Show(process_collector);
     metrics_address = WithPort(options.metrics_listen, metrics_page->port());
     return absl::OkStatus();
   }
@@ -136,6 +139,7 @@ struct Server::Impl {
   TileService tile_service;
   MapService map_service;
   std::shared_ptr<LiveCollector> live_collector;
+  std::shared_ptr<ProcessCollector> process_collector;
   std::unique_ptr<MetricsPage> metrics_page;
   std::unique_ptr<grpc::Server> server;
 };

@@ -55,11 +55,11 @@ void SessionActor::Run() {
     TakePoses(mapper, work.poses);
     const bool has_scan = work.scan.has_value();
     if (has_scan) TakeScan(mapper, *std::move(work.scan));
-    ServeLine(mapper, work.end_requested);
-    // What waits in line leaves room in the queue: the poses may be next on the stream.
-    if (has_scan && !line_.empty()) TellStream();
     const bool idle_too_long =
         Clock::now() - mailbox_->idle_since() >= Seconds(options_.session_idle_s_max);
+    ServeLine(mapper, work.end_requested || idle_too_long);
+    // What waits in line leaves room in the queue: the poses may be next on the stream.
+    if (has_scan && !line_.empty()) TellStream();
     if (work.end_requested || idle_too_long) {
       if (mailbox_->CloseDoor(/*only_if_alone=*/!work.end_requested)) {
         End(mapper);
@@ -118,7 +118,7 @@ bool SessionActor::ServeFront(SessionMapper& mapper, bool ending) {
     const auto readiness = mapper.Prepare(front.held, WhyGiveUp(ending));
     if (readiness.ok() && *readiness == SessionMapper::Readiness::kWaits) return false;
     status = readiness.status();
-    if (readiness.ok()) Fuse(mapper, front.held);
+    if (readiness.ok()) Fuse(mapper, front.held, front.message.arrived);
   }
   FinishFront(mapper, status);
   return true;
@@ -158,8 +158,10 @@ void SessionActor::FinishFront(SessionMapper& mapper, const absl::Status& status
   TellStream();
 }
 
-void SessionActor::Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held) {
-  metrics_.ObserveScan(mapper.Fuse(held));
+void SessionActor::Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held,
+                        Clock::time_point arrived) {
+  const ScanReport report = mapper.Fuse(held);
+  metrics_.ObserveScan(report, std::chrono::duration<double>(Clock::now() - arrived).count());
   num_fused_.fetch_add(1, std::memory_order_relaxed);
   if (held.deskewing != SessionMapper::Deskewing::kNotNeeded) {
     const bool done = held.deskewing == SessionMapper::Deskewing::kDone;

@@ -67,7 +67,7 @@ class SessionActor {
   void FinishFront(SessionMapper& mapper, const absl::Status& status);
   /// Why the front must not wait any longer; empty if it may.
   std::string WhyGiveUp(bool ending) const;
-  void Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held);
+  void Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held, Clock::time_point arrived);
   void PublishWhatIsDue(SessionMapper& mapper);
   void PublishLocalMap(const SessionMapper& mapper);
   void End(SessionMapper& mapper);

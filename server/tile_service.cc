@@ -48,7 +48,8 @@ absl::Status GetTileMatrix(const Registry& registry, const v1::GetTileMatrixRequ
   return absl::OkStatus();
 }
 
-absl::Status BatchGetTiles(const Registry& registry, const v1::BatchGetTilesRequest& request,
+absl::Status BatchGetTiles(const Registry& registry, Metrics& metrics,
+                           const v1::BatchGetTilesRequest& request,
                            v1::BatchGetTilesResponse* response) {
   const wire::FieldPath tiles_field("tiles");
   if (request.tiles_size() < 1 || request.tiles_size() > kTilesOfRequest_max)
@@ -62,6 +63,7 @@ absl::Status BatchGetTiles(const Registry& registry, const v1::BatchGetTilesRequ
   const auto snapshot = SnapshotOf(registry, request.map());
   if (!snapshot.ok()) return snapshot.status();
   const MapSnapshot& map = **snapshot;
+  std::uint64_t num_absent = 0;
   for (int i = 0; i < request.tiles_size(); ++i) {
     const wire::FieldPath element = tiles_field.At(static_cast<std::size_t>(i));
     GEM_ASSIGN_OR_RETURN(const TileIndex index, wire::FromProto(request.tiles(i), element));
@@ -71,11 +73,13 @@ absl::Status BatchGetTiles(const Registry& registry, const v1::BatchGetTilesRequ
       wire::ToProto(index, proto->mutable_key());
       wire::ToProto(map.version, proto->mutable_version());
       proto->set_absent(true);
+      ++num_absent;
     } else {
       wire::ToProto(*tile->second, map.options.cell_size_m, map.newest_stamp_ns, layers, encoding,
                     proto);
     }
   }
+  metrics.CountTiles(static_cast<std::uint64_t>(request.tiles_size()) - num_absent, num_absent);
   wire::ToProto(map.version, response->mutable_version());
   return absl::OkStatus();
 }
@@ -114,6 +118,7 @@ absl::Status GetLocalMap(const Registry& registry, const v1::GetLocalMapRequest&
 
 TileService::TileService(Registry& registry, Metrics& metrics, CallGuard& guard)
     : registry_(registry),
+      metrics_(metrics),
       guard_(guard),
       get_tile_matrix_(metrics.AddMethod("GetTileMatrix")),
       batch_get_tiles_(metrics.AddMethod("BatchGetTiles")),
@@ -122,21 +127,22 @@ TileService::TileService(Registry& registry, Metrics& metrics, CallGuard& guard)
 grpc::ServerUnaryReactor* TileService::GetTileMatrix(grpc::CallbackServerContext* context,
                                                      const v1::GetTileMatrixRequest* request,
                                                      v1::GetTileMatrixResponse* response) {
-  return guard_.RunInPool(context, get_tile_matrix_,
+  return guard_.RunInPool(context, {request, response}, get_tile_matrix_,
                           [=, this] { return gem::GetTileMatrix(registry_, *request, response); });
 }
 
 grpc::ServerUnaryReactor* TileService::BatchGetTiles(grpc::CallbackServerContext* context,
                                                      const v1::BatchGetTilesRequest* request,
                                                      v1::BatchGetTilesResponse* response) {
-  return guard_.RunInPool(context, batch_get_tiles_,
-                          [=, this] { return gem::BatchGetTiles(registry_, *request, response); });
+  return guard_.RunInPool(context, {request, response}, batch_get_tiles_, [=, this] {
+    return gem::BatchGetTiles(registry_, metrics_, *request, response);
+  });
 }
 
 grpc::ServerUnaryReactor* TileService::GetLocalMap(grpc::CallbackServerContext* context,
                                                    const v1::GetLocalMapRequest* request,
                                                    v1::GetLocalMapResponse* response) {
-  return guard_.RunInPool(context, get_local_map_,
+  return guard_.RunInPool(context, {request, response}, get_local_map_,
                           [=, this] { return gem::GetLocalMap(registry_, *request, response); });
 }
 

@@ -24,6 +24,7 @@ class TileService final : public v1::TileService::CallbackService {
 
  private:
   Registry& registry_;
+  Metrics& metrics_;
   CallGuard& guard_;
   MethodMetrics& get_tile_matrix_;
   MethodMetrics& batch_get_tiles_;

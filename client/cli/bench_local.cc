@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/cli/bench_global.h"
 #include "client/datasets/kitti_source.h"
 #include "core/base/status_macros.h"
 
@@ -79,6 +80,7 @@ std::string BenchTable(const LocalBench& bench) {
 void AddBenchCommand(CLI::App& app, std::function<absl::Status()>& run) {
   CLI::App* bench = app.add_subcommand("bench", "Time parts of the system in this process");
   bench->require_subcommand(1);
+  AddBenchGlobalCommand(*bench, run);
   CLI::App* local = bench->add_subcommand(
       "local", "The local mapper over a KITTI directory: velodyne/*.bin, times.txt, poses");
   const auto flags = std::make_shared<BenchFlags>();

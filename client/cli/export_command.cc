@@ -39,7 +39,7 @@ absl::Status ExportMap(const MapExportFlags& flags) {
                         absl::StrCat("map ", flags.map, ": ", placed.status().message()));
   GEM_ASSIGN_OR_RETURN(const std::string contents, Export(*placed, layer, format));
   GEM_RETURN_IF_ERROR(WriteFileAtomically(flags.file.out, contents));
-  std::printf("%s: %s of map %s, %d x %d cells of %.9g m, version %llu.%llu\n",
+  std::printf("%s: %s of map %s, %d x %d cells of %g m, version %llu.%llu\n",
               flags.file.out.c_str(), flags.file.layer.c_str(), flags.map.c_str(),
               placed->grid.columns, placed->grid.rows, placed->grid.cell_size_m,
               static_cast<unsigned long long>(tiled.matrix.version.epoch),

@@ -34,11 +34,11 @@ absl::Status ExportLocalMap(const LocalFlags& flags) {
   GEM_ASSIGN_OR_RETURN(const std::string contents, Export(placed, layer, format));
   GEM_RETURN_IF_ERROR(WriteFileAtomically(flags.file.out, contents));
   const std::vector<std::uint8_t>& valid = placed.grid.Find(layer)->valid;
-  std::printf(
-      "%s: %s of robot %s after scan %llu, %d x %d cells of %.9g m in O, %lld with a value\n",
-      flags.file.out.c_str(), flags.file.layer.c_str(), flags.robot.c_str(),
-      static_cast<unsigned long long>(local.seq), placed.grid.columns, placed.grid.rows,
-      placed.grid.cell_size_m, static_cast<long long>(std::count(valid.begin(), valid.end(), 1)));
+  std::printf("%s: %s of robot %s after scan %llu, %d x %d cells of %g m in O, %lld with a value\n",
+              flags.file.out.c_str(), flags.file.layer.c_str(), flags.robot.c_str(),
+              static_cast<unsigned long long>(local.seq), placed.grid.columns, placed.grid.rows,
+              placed.grid.cell_size_m,
+              static_cast<long long>(std::count(valid.begin(), valid.end(), 1)));
   return absl::OkStatus();
 }
 

@@ -29,11 +29,7 @@ struct ReplayFlags {
   StreamFlags stream;
 };
 
-constexpr char kNoColors[] = "int16 points carry no colours, want --points float32";
-
 absl::Status ReplayLidar(const ReplayFlags& flags) {
-  if (!flags.kitti.color_images.empty() && flags.stream.points == "int16")
-    return absl::InvalidArgumentError(absl::StrCat("--color_images: ", kNoColors));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<KittiSource> source, KittiSource::Open(flags.kitti));
   GEM_RETURN_IF_ERROR(StreamToServer(*source, flags.stream));
   const auto count = [](std::uint64_t number) { return static_cast<unsigned long long>(number); };
@@ -50,9 +46,6 @@ absl::Status ReplayStereo(ReplayFlags flags) {
   if (!flags.kitti.color_images.empty())
     return absl::InvalidArgumentError(
         "--color_images is for LiDAR: with --stereo points have the colours of the left image");
-  // The heights are worth having alone.
-  if (flags.stream.points == "int16")
-    std::fprintf(stderr, "the map gets no colours: %s\n", kNoColors);
   flags.stereo_options.dir = flags.kitti.dir;
   flags.stereo_options.poses = flags.kitti.poses;
   flags.stereo_options.corrected = flags.kitti.corrected;

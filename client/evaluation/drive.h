@@ -34,12 +34,15 @@ double LengthOf(const Drive& drive);
 /// The first `count` scans.
 Drive FirstOf(Drive drive, std::size_t count);
 
+/// Scan 0, n, 2 n and so on.
+Drive EveryNth(const Drive& drive, std::size_t n);
+
 /// Where the published trajectories lie: DIR/trajectories. Nothing without settings.data_dir, or if
 /// there is no such folder.
 std::optional<std::filesystem::path> TrajectoriesDir(const Settings& settings);
 
 /// 4,541 scans of KITTI 00: odometry of KISS-ICP, and the same run after its pose graph was closed.
-/// The closed trajectory is the truth, too.
+/// Truth: the closed trajectory, less its kinks.
 absl::StatusOr<Drive> LoadKissIcpDrive(const std::filesystem::path& trajectories);
 
 /// The same scans and truth as LoadKissIcpDrive, with ORB-SLAM's camera trajectory as odometry.
@@ -54,7 +57,7 @@ absl::StatusOr<Drive> LoadNdtDrive(const std::filesystem::path& trajectories);
 /// truth.
 Drive InventedDrive(std::size_t scans_max, double drift_scale, std::uint64_t seed);
 
-/// A block of 60 x 40 m, round and round.
+/// A block of 60 x 40 m, round and round, never twice on quite the same line.
 Drive RoundTheBlock(std::size_t num_scans, double scan_spacing_m, double drift_scale,
                     std::uint64_t seed);
 

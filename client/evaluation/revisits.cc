@@ -19,6 +19,10 @@ struct Passes {
   bool twice = false;
 };
 
+bool IsFree(const CellBelief& belief, const MapSnapshot& map) {
+  return belief.annotated() && belief.traversability > map.options.traversability_free;
+}
+
 }  // namespace
 
 std::vector<std::size_t> LoopClosures(const std::vector<Pose<Global, Base>>& poses,
@@ -124,12 +128,27 @@ Deviation ErrorAgainst(const MapSnapshot& map,
     const CellIndex origin = OriginOf(index);
     for (std::size_t i = 0; i < tile->cells.size(); ++i) {
       const CellBelief& belief = tile->cells[i];
-      if (!belief.annotated() || belief.traversability <= map.options.traversability_free) continue;
+      if (!IsFree(belief, map)) continue;
       const auto offset = static_cast<std::int32_t>(i);
       const double x_m = CenterOf(origin.x + offset % kTileCells, cell_size_m);
       const double y_m = CenterOf(origin.y + offset / kTileCells, cell_size_m);
       if (const auto height_m = truth(x_m, y_m))
         differences_m.push_back(belief.elevation_m - *height_m);
+    }
+  }
+  return DeviationOf(std::move(differences_m));
+}
+
+Deviation DeviationBetween(const MapSnapshot& a, const MapSnapshot& b) {
+  std::vector<double> differences_m;
+  for (const auto& [index, tile] : a.tiles) {
+    const auto other = b.tiles.find(index);
+    if (other == b.tiles.end()) continue;
+    for (std::size_t i = 0; i < tile->cells.size(); ++i) {
+      const CellBelief& in_a = tile->cells[i];
+      const CellBelief& in_b = other->second->cells[i];
+      if (IsFree(in_a, a) && IsFree(in_b, b))
+        differences_m.push_back(static_cast<double>(in_b.elevation_m) - in_a.elevation_m);
     }
   }
   return DeviationOf(std::move(differences_m));

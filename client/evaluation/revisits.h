@@ -62,6 +62,9 @@ Deviation DeviationOf(const std::vector<TwicePassed>& cells);
 Deviation ErrorAgainst(const MapSnapshot& map,
                        const std::function<std::optional<double>(double x_m, double y_m)>& truth);
 
+/// Heights of cells that are free in both, b less a.
+Deviation DeviationBetween(const MapSnapshot& a, const MapSnapshot& b);
+
 /// Cells that are not equal in all their values.
 std::size_t CellsThatDiffer(const MapSnapshot& a, const MapSnapshot& b);
 

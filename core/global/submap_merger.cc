@@ -58,6 +58,53 @@ std::vector<CellIndex> GroupsUnder(const Submap& newer, const Eigen::Matrix3d& R
   return groups;
 }
 
+// How the newer submap lies on another one.
+struct Onto {
+  Onto(const PlacedSubmap& below, const PlacedSubmap& newer)
+      : R(RotationBetween(below, newer)),
+        t(TranslationBetween(below, newer)),
+        gather(R, t, below.submap->origin().cell_size_m, newer.submap->elevation_m_min(),
+               newer.submap->elevation_m_max()) {}
+  Eigen::Matrix3d R;
+  Eigen::Vector3d t;
+  Gather gather;
+};
+
+// Calls visit(cell, value) for every cell of the frame of `below` that the newer submap knows.
+template <typename Visit>
+void ForEachIncoming(const PlacedSubmap& below, const PlacedSubmap& newer, const Visit& visit) {
+  const Onto onto(below, newer);
+  const Submap& from = *newer.submap;
+  for (const CellIndex group : GroupsUnder(from, onto.R, onto.t)) {
+    for (std::int32_t i = 0; i < kGroupCells * kGroupCells; ++i) {
+      const CellIndex cell{(group.x << kGroupBits) + (i & (kGroupCells - 1)),
+                           (group.y << kGroupBits) + (i >> kGroupBits)};
+      const std::optional<GatherHit> hit = onto.gather.At(from, cell);
+      if (!hit) continue;
+      SubmapCell incoming = from.At(hit->position);
+      incoming.elevation_m = hit->elevation_m;
+      incoming.covariance_m2 = Rotate(onto.R, incoming.covariance_m2);
+      visit(cell, incoming);
+    }
+  }
+}
+
+// Whether one of the submaps knows the place of a cell of `placed`.
+bool KnownTo(const std::vector<std::shared_ptr<const PlacedSubmap>>& others,
+             const PlacedSubmap& placed, CellIndex cell, float elevation_m) {
+  if (others.empty()) return false;
+  const double cell_size_m = placed.submap->origin().cell_size_m;
+  const Point<Submap> p_K(CenterOf(cell.x, cell_size_m), CenterOf(cell.y, cell_size_m),
+                          elevation_m);
+  const Point<Global> p_G = placed.T_G_K * p_K;
+  for (const auto& other : others) {
+    const Eigen::Vector3d p =
+        other->T_G_K.rotation().conjugate() * (p_G.xyz() - other->T_G_K.translation());
+    if (other->submap->Find(CellAt(p.x(), p.y(), cell_size_m))) return true;
+  }
+  return false;
+}
+
 bool Fits(const std::vector<KeyedSubmapCell>& cells) {
   const auto by_x = [](const KeyedSubmapCell& a, const KeyedSubmapCell& b) {
     return a.cell.x < b.cell.x;
@@ -92,10 +139,6 @@ class Neighbourhood {
     for (const auto& placed : submaps) Put(placed);
   }
 
-  const PlacedSubmap* Find(SubmapId id) const {
-    const auto it = by_id_.find(id);
-    return it == by_id_.end() ? nullptr : it->second.get();
-  }
   std::shared_ptr<const PlacedSubmap> Shared(SubmapId id) const {
     const auto it = by_id_.find(id);
     return it == by_id_.end() ? nullptr : it->second;
@@ -112,7 +155,7 @@ class Neighbourhood {
   void Remove(SubmapId id) { by_id_.erase(id); }
 
   // Nearest first.
-  std::vector<const PlacedSubmap*> NeighboursOf(const PlacedSubmap& placed) const {
+  std::vector<std::shared_ptr<const PlacedSubmap>> NeighboursOf(const PlacedSubmap& placed) const {
     std::vector<SubmapId> ids;
     for (const TileIndex tile : placed.tiles) {
       const std::vector<SubmapId>& here = by_tile_.at(tile);
@@ -121,20 +164,18 @@ class Neighbourhood {
     std::sort(ids.begin(), ids.end());
     ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
 
-    std::vector<const PlacedSubmap*> neighbours;
+    std::vector<std::shared_ptr<const PlacedSubmap>> neighbours;
     for (const SubmapId id : ids) {
-      const PlacedSubmap* other = Find(id);
+      std::shared_ptr<const PlacedSubmap> other = Shared(id);
       if (other != nullptr && id != placed.id && Overlap(other->rect_G, placed.rect_G))
-        neighbours.push_back(other);
+        neighbours.push_back(std::move(other));
     }
-    std::sort(neighbours.begin(), neighbours.end(),
-              [&placed](const PlacedSubmap* a, const PlacedSubmap* b) {
-                const double distance_a = SquaredDistance(a->rect_G, placed.rect_G);
-                const double distance_b = SquaredDistance(b->rect_G, placed.rect_G);
-                if (distance_a != distance_b) return distance_a < distance_b;
-                return Older(*a->submap, *b->submap);
-              });
-    if (neighbours.size() > kNeighbours_max) neighbours.resize(kNeighbours_max);
+    std::sort(neighbours.begin(), neighbours.end(), [&placed](const auto& a, const auto& b) {
+      const double distance_a = SquaredDistance(a->rect_G, placed.rect_G);
+      const double distance_b = SquaredDistance(b->rect_G, placed.rect_G);
+      if (distance_a != distance_b) return distance_a < distance_b;
+      return Older(*a->submap, *b->submap);
+    });
     return neighbours;
   }
 
@@ -143,36 +184,15 @@ class Neighbourhood {
   absl::flat_hash_map<TileIndex, std::vector<SubmapId>> by_tile_;  ///< may name removed ones
 };
 
-// Merges one submap with the nearest one that it should be merged with. True if it did.
-bool MergeOne(const PlacedSubmap& subject, const GlobalMapOptions& options,
-              Neighbourhood& neighbourhood) {
-  for (const PlacedSubmap* other : neighbourhood.NeighboursOf(subject)) {
-    const bool subject_is_older = Older(*subject.submap, *other->submap);
-    const PlacedSubmap& older = subject_is_older ? subject : *other;
-    const PlacedSubmap& newer = subject_is_older ? *other : subject;
-    if (!ShouldMerge(older, newer, options)) continue;
-    std::shared_ptr<const Submap> merged = Merge(older, newer, options);
-    if (merged == nullptr) continue;
-    const SubmapId gone = newer.id;
-    neighbourhood.Put(std::make_shared<const PlacedSubmap>(
-        Place(older.id, std::move(merged), true, older.T_G_K)));
-    neighbourhood.Remove(gone);
-    return true;
-  }
-  return false;
-}
-
-}  // namespace
-
-bool ShouldMerge(const PlacedSubmap& older, const PlacedSubmap& newer,
-                 const GlobalMapOptions& options) {
+// True if at least `wanted` cells of the newer submap lie on known cells of the older one, and the
+// median of their height differences is small.
+bool LieOnEachOther(const PlacedSubmap& older, const PlacedSubmap& newer, std::size_t wanted,
+                    const GlobalMapOptions& options) {
   const Eigen::Matrix3d R = RotationBetween(older, newer);
   const Eigen::Vector3d t = TranslationBetween(older, newer);
   const Submap& below = *older.submap;
   const Submap& above = *newer.submap;
   const double cell_size_m = below.origin().cell_size_m;
-  const auto wanted = static_cast<std::size_t>(std::ceil(
-      static_cast<double>(options.merge_overlap_min) * static_cast<double>(above.num_cells())));
 
   // Most neighbours only touch: their groups tell without looking at cells.
   std::vector<const Submap::Group*> near;
@@ -209,41 +229,125 @@ bool ShouldMerge(const PlacedSubmap& older, const PlacedSubmap& newer,
   return *middle <= static_cast<double>(options.merge_height_difference_m_max);
 }
 
-std::shared_ptr<const Submap> Merge(const PlacedSubmap& older, const PlacedSubmap& newer,
-                                    const GlobalMapOptions& options) {
-  const Eigen::Matrix3d R = RotationBetween(older, newer);
-  const Eigen::Vector3d t = TranslationBetween(older, newer);
-  const Submap& from = *newer.submap;
-  const Submap& into = *older.submap;
-  const Gather gather(R, t, into.origin().cell_size_m, from.elevation_m_min(),
-                      from.elevation_m_max());
-  if (!gather.upright()) return nullptr;
+std::size_t WantedOverlap(const PlacedSubmap& newer, const GlobalMapOptions& options) {
+  const double cells = std::ceil(static_cast<double>(options.merge_overlap_min) *
+                                 static_cast<double>(newer.submap->num_cells()));
+  return std::max<std::size_t>(static_cast<std::size_t>(cells), 1);
+}
 
-  std::vector<KeyedSubmapCell> cells = into.Cells();  // by position
-  for (const CellIndex group : GroupsUnder(from, R, t)) {
-    for (std::int32_t i = 0; i < kGroupCells * kGroupCells; ++i) {
-      const CellIndex cell{(group.x << kGroupBits) + (i & (kGroupCells - 1)),
-                           (group.y << kGroupBits) + (i >> kGroupBits)};
-      const std::optional<GatherHit> hit = gather.At(from, cell);
-      if (!hit) continue;
-      SubmapCell incoming = from.At(hit->position);
-      incoming.elevation_m = hit->elevation_m;
-      incoming.covariance_m2 = Rotate(R, incoming.covariance_m2);
-      if (const std::optional<std::size_t> stored = into.Find(cell)) {
-        cells[*stored].value = Join(cells[*stored].value, incoming, options);
-      } else {
-        cells.push_back({cell, incoming});
-      }
-    }
-  }
-  if (!Fits(cells)) return nullptr;
+bool SameGround(const PlacedSubmap& a, const PlacedSubmap& b, const GlobalMapOptions& options) {
+  return LieOnEachOther(a, b, 1, options);
+}
 
-  SubmapOrigin origin = into.origin();
-  const std::vector<std::string>& robots = from.origin().robots;
-  origin.robots.insert(origin.robots.end(), robots.begin(), robots.end());
+SubmapOrigin WithRobotsOf(SubmapOrigin origin, const SubmapOrigin& other) {
+  origin.robots.insert(origin.robots.end(), other.robots.begin(), other.robots.end());
   std::sort(origin.robots.begin(), origin.robots.end());
   origin.robots.erase(std::unique(origin.robots.begin(), origin.robots.end()), origin.robots.end());
-  return std::make_shared<const Submap>(std::move(origin), cells, into.parts());
+  return origin;
+}
+
+using Neighbours = std::vector<std::shared_ptr<const PlacedSubmap>>;
+
+// Number of cells of the submap that one of the others knows.
+std::size_t NumKnownTo(const Neighbours& others, const PlacedSubmap& placed) {
+  std::size_t count = 0;
+  for (const Submap::Group& group : placed.submap->groups())
+    group.ForEachCell([&](CellIndex cell, std::size_t position) {
+      if (KnownTo(others, placed, cell, placed.submap->elevation_m(position))) ++count;
+    });
+  return count;
+}
+
+// The one of the pair that goes is merged into the one that stays; what of it lies on the ground of
+// others goes there. False if the result would grow too large.
+bool MergePair(const PlacedSubmap& older, const PlacedSubmap& newer,
+               const GlobalMapOptions& options, Neighbourhood& neighbourhood) {
+  Neighbours others;
+  for (auto& near : neighbourhood.NeighboursOf(newer))
+    if (near->id != older.id && SameGround(*near, newer, options))
+      others.push_back(std::move(near));
+  std::shared_ptr<const Submap> merged = Merge(older, newer, options, others);
+  if (merged == nullptr) return false;
+  neighbourhood.Put(
+      std::make_shared<const PlacedSubmap>(Place(older.id, std::move(merged), true, older.T_G_K)));
+  for (const auto& near : others)
+    neighbourhood.Put(std::make_shared<const PlacedSubmap>(
+        Place(near->id, Refresh(*near, newer, options), true, near->T_G_K)));
+  neighbourhood.Remove(newer.id);
+  return true;
+}
+
+// A street driven again lies on two or three submaps of before, on none of them by half: it goes to
+// the one that knows the most of it.
+bool MergeIntoSeveral(const PlacedSubmap& subject, const Neighbours& neighbours,
+                      const GlobalMapOptions& options, Neighbourhood& neighbourhood) {
+  Neighbours olders;
+  for (const auto& near : neighbours)
+    if (Older(*near->submap, *subject.submap) && SameGround(*near, subject, options))
+      olders.push_back(near);
+  if (olders.size() < 2 || NumKnownTo(olders, subject) < WantedOverlap(subject, options))
+    return false;
+  std::size_t most = 0;
+  std::shared_ptr<const PlacedSubmap> best;
+  for (const auto& older : olders) {
+    const std::size_t count = NumKnownTo({older}, subject);
+    if (count > most) best = older;
+    most = std::max(most, count);
+  }
+  return best != nullptr && MergePair(*best, subject, options, neighbourhood);
+}
+
+// Merges one submap with the nearest one that it should be merged with. True if it did.
+bool MergeOne(const PlacedSubmap& subject, const GlobalMapOptions& options,
+              Neighbourhood& neighbourhood) {
+  const Neighbours neighbours = neighbourhood.NeighboursOf(subject);
+  for (std::size_t i = 0; i < std::min(neighbours.size(), kNeighbours_max); ++i) {
+    const PlacedSubmap& other = *neighbours[i];
+    const bool subject_is_older = Older(*subject.submap, *other.submap);
+    const PlacedSubmap& older = subject_is_older ? subject : other;
+    const PlacedSubmap& newer = subject_is_older ? other : subject;
+    if (ShouldMerge(older, newer, options) && MergePair(older, newer, options, neighbourhood))
+      return true;
+  }
+  return MergeIntoSeveral(subject, neighbours, options, neighbourhood);
+}
+
+}  // namespace
+
+bool ShouldMerge(const PlacedSubmap& older, const PlacedSubmap& newer,
+                 const GlobalMapOptions& options) {
+  return LieOnEachOther(older, newer, WantedOverlap(newer, options), options);
+}
+
+std::shared_ptr<const Submap> Merge(
+    const PlacedSubmap& older, const PlacedSubmap& newer, const GlobalMapOptions& options,
+    const std::vector<std::shared_ptr<const PlacedSubmap>>& others) {
+  const Submap& into = *older.submap;
+  if (!Onto(older, newer).gather.upright()) return nullptr;
+  std::vector<KeyedSubmapCell> cells = into.Cells();  // by position
+  ForEachIncoming(older, newer, [&](CellIndex cell, const SubmapCell& incoming) {
+    if (const std::optional<std::size_t> stored = into.Find(cell)) {
+      cells[*stored].value = Join(cells[*stored].value, incoming, options);
+    } else if (!KnownTo(others, older, cell, incoming.elevation_m)) {
+      cells.push_back({cell, incoming});
+    }
+  });
+  if (!Fits(cells)) return nullptr;
+  return std::make_shared<const Submap>(WithRobotsOf(into.origin(), newer.submap->origin()), cells,
+                                        into.parts());
+}
+
+std::shared_ptr<const Submap> Refresh(const PlacedSubmap& stored, const PlacedSubmap& newer,
+                                      const GlobalMapOptions& options) {
+  const Submap& into = *stored.submap;
+  if (!Onto(stored, newer).gather.upright()) return stored.submap;
+  std::vector<KeyedSubmapCell> cells = into.Cells();  // by position
+  ForEachIncoming(stored, newer, [&](CellIndex cell, const SubmapCell& incoming) {
+    if (const std::optional<std::size_t> position = into.Find(cell))
+      cells[*position].value = Join(cells[*position].value, incoming, options);
+  });
+  return std::make_shared<const Submap>(WithRobotsOf(into.origin(), newer.submap->origin()), cells,
+                                        into.parts());
 }
 
 Maintenance Maintain(std::vector<std::shared_ptr<const PlacedSubmap>> submaps,

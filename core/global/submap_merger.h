@@ -20,10 +20,16 @@ bool ShouldMerge(const PlacedSubmap& older, const PlacedSubmap& newer,
 
 /// The older submap with the newer one's cells, eq. (12), gathered onto its cells: fused where they
 /// were observed within merge_fuse_time_s_max of each other and agree within the gate, else the
-/// newer observation stays. Keeps the older one's origin. Null if the result would be longer or
-/// wider than kSubmapSideCells_max.
-std::shared_ptr<const Submap> Merge(const PlacedSubmap& older, const PlacedSubmap& newer,
-                                    const GlobalMapOptions& options);
+/// newer observation stays. Keeps the older one's origin. A cell that one of the others knows does
+/// not enter: they are refreshed with it. Null if the result would be longer or wider than
+/// kSubmapSideCells_max.
+std::shared_ptr<const Submap> Merge(
+    const PlacedSubmap& older, const PlacedSubmap& newer, const GlobalMapOptions& options,
+    const std::vector<std::shared_ptr<const PlacedSubmap>>& others = {});
+
+/// The stored submap's own cells, joined with the newer one's as in Merge; no other cell enters.
+std::shared_ptr<const Submap> Refresh(const PlacedSubmap& stored, const PlacedSubmap& newer,
+                                      const GlobalMapOptions& options);
 
 /// Result of the maintenance of a whole map.
 struct Maintenance {
@@ -33,7 +39,8 @@ struct Maintenance {
 };
 
 /// Merges each finished submap named in `changed` (new, or moved) with the nearest finished one
-/// that it should be merged with. The older one of a pair stays. `submaps` by id. The result
+/// that it should be merged with. The older one of a pair stays. What of the newer one lies on the
+/// ground of a third goes there, so that no ground is stored twice. `submaps` by id. The result
 /// depends on what the submaps are, not on the order in which they arrived.
 Maintenance Maintain(std::vector<std::shared_ptr<const PlacedSubmap>> submaps,
                      const absl::flat_hash_set<SubmapId>& changed, const GlobalMapOptions& options,

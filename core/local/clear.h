@@ -56,8 +56,13 @@ GEM_HOST_DEVICE inline std::int32_t AzimuthBinOf(float x, float y, const RayBins
   const auto bin = static_cast<std::int32_t>(AzimuthOf(x, y, bins));
   return bin < bins.azimuth ? bin : bins.azimuth - 1;
 }
+/// A distance in units of range bins. The inverse is the same for all rays, and multiplying costs
+/// less than dividing; where exactly a bin ends matters to nobody.
+GEM_HOST_DEVICE inline float RangeOf(float distance_m, const RayBins& bins) {
+  return distance_m * (1.0f / bins.cell_size_m);
+}
 GEM_HOST_DEVICE inline std::int32_t RangeBinOf(float distance_m, const RayBins& bins) {
-  const float bin = distance_m / bins.cell_size_m;
+  const float bin = RangeOf(distance_m, bins);
   const auto last = static_cast<float>(bins.range - 1);
   return static_cast<std::int32_t>(bin < last ? bin : last);
 }
@@ -86,13 +91,13 @@ struct CellSight {
 };
 
 /// Sight of the square [x, x + r] x [y, y + r] relative to the sensor. A cell that the sensor
-/// stands over, or whose border it touches, is seen by no ray.
+/// stands over, or whose border it touches, is seen by no ray, nor is one beyond the last range bin
+/// but one. Branch-free, for it runs over every cell that might be cleared.
 GEM_HOST_DEVICE inline CellSight SightOf(float x_m, float y_m, const RayBins& bins) {
   CellSight sight;
   const float x0 = x_m, x1 = x_m + bins.cell_size_m;
   const float y0 = y_m, y1 = y_m + bins.cell_size_m;
   const bool right = x0 > 0.0f, left = x1<0.0f, above = y0> 0.0f, below = y1 < 0.0f;
-  if (!right && !left && !above && !below) return sight;
 
   const float near_x = right ? x0 : left ? -x1 : 0.0f;
   const float near_y = above ? y0 : below ? -y1 : 0.0f;
@@ -101,29 +106,30 @@ GEM_HOST_DEVICE inline CellSight SightOf(float x_m, float y_m, const RayBins& bi
   sight.near_m = std::sqrt(near_x * near_x + near_y * near_y);
   sight.far_m = std::sqrt(far_x * far_x + far_y * far_y);
   // Not RangeBinOf: a cell beyond the last bin must not look as if it were within it.
-  const float far_bin = sight.far_m / bins.cell_size_m;
-  if (!(far_bin < static_cast<float>(bins.range - 1))) return sight;
-  sight.range_bin_min = static_cast<std::int32_t>(far_bin) + 1;
+  const float far_bin = RangeOf(sight.far_m, bins);
+  const bool in_sight =
+      (right | left | above | below) & (far_bin < static_cast<float>(bins.range - 1));
+  sight.range_bin_min = static_cast<std::int32_t>(in_sight ? far_bin : 0.0f) + 1;
 
   // The two corners that bound the square's angle: clockwise-most and counter-clockwise-most.
-  const float start_x = above ? x1 : below ? x0 : right ? x0 : x1;
-  const float start_y = right ? y0 : left ? y1 : above ? y0 : y1;
-  const float end_x = above ? x0 : below ? x1 : right ? x0 : x1;
-  const float end_y = right ? y1 : left ? y0 : above ? y0 : y1;
+  const float start_x = above | (!below & !right) ? x1 : x0;
+  const float start_y = right | (!left & above) ? y0 : y1;
+  const float end_x = above | (!below & right) ? x0 : x1;
+  const float end_y = right | (!left & !above) ? y1 : y0;
   const float start = AzimuthOf(start_x, start_y, bins);
-  float end = AzimuthOf(end_x, end_y, bins);
-  if (end < start) end += static_cast<float>(bins.azimuth);
-  const auto first = static_cast<std::int32_t>(std::ceil(start));
-  const std::int32_t count = static_cast<std::int32_t>(end) - first;
+  const float end = AzimuthOf(end_x, end_y, bins);
+  const float end_after_start = end < start ? end + static_cast<float>(bins.azimuth) : end;
+  const auto floor = static_cast<std::int32_t>(start);
+  const std::int32_t first = floor + (static_cast<float>(floor) < start ? 1 : 0);
+  const std::int32_t count = static_cast<std::int32_t>(end_after_start) - first;
   // A far cell may span no whole bin, or, when its corners round to one direction, seem to span the
   // full turn: it is judged by the bin of its middle, which errs by less than one bin.
-  if (count < 1 || count > bins.azimuth / 2) {
-    sight.first_bin = AzimuthBinOf(0.5f * (x0 + x1), 0.5f * (y0 + y1), bins);
-    sight.num_bins = 1;
-    return sight;
-  }
-  sight.first_bin = first < bins.azimuth ? first : first - bins.azimuth;
-  sight.num_bins = count;
+  const std::int32_t middle = AzimuthBinOf(0.5f * (x0 + x1), 0.5f * (y0 + y1), bins);
+  const bool narrow = (count < 1) | (count > bins.azimuth / 2);
+  const std::int32_t wrapped = first < bins.azimuth ? first : first - bins.azimuth;
+  sight.first_bin = narrow ? middle : wrapped;
+  const std::int32_t width = narrow ? 1 : count;
+  sight.num_bins = in_sight ? width : 0;
   return sight;
 }
 

@@ -4,80 +4,40 @@
 #include <cmath>
 
 #include "core/base/stopwatch.h"
-#include "core/local/annotate.h"
+#include "core/base/vector_set.h"
 #include "core/local/clear.h"
+#include "core/local/cpu/fuse_lanes.h"
+#include "core/local/cpu/hit_lanes.h"
+#include "core/local/cpu/layers.h"
+#include "core/local/cpu/plane_rows.h"
+#include "core/local/cpu/point_pass.h"
+#include "core/local/cpu/sight_pass.h"
 #include "core/local/fuse.h"
 #include "core/local/measure.h"
-#include "core/local/ray_table.h"
 #include "core/local/ring_window.h"
 
 namespace gem {
 namespace {
 
-// Layers by slot of the ring. A value without its state bit is zero.
-struct Layers {
-  explicit Layers(std::size_t num_cells)
-      : state(num_cells),
-        elevation_m(num_cells),
-        variance_m2(num_cells),
-        slope_rad(num_cells),
-        roughness_m(num_cells),
-        traversability(num_cells),
-        rgba(num_cells),
-        observed_ns(num_cells) {}
-
-  bool known(std::uint32_t slot) const { return (state[slot] & kCellKnown) != 0; }
-
-  CellBelief BeliefAt(std::uint32_t slot) const {
-    return {elevation_m[slot], variance_m2[slot], traversability[slot],
-            rgba[slot],        observed_ns[slot], state[slot]};
-  }
-  void Annotate(std::uint32_t slot, const Annotation& annotation) {
-    state[slot] = static_cast<std::uint8_t>((state[slot] & ~kCellAnnotated) |
-                                            (annotation.valid ? kCellAnnotated : 0));
-    slope_rad[slot] = annotation.slope_rad;
-    roughness_m[slot] = annotation.roughness_m;
-    traversability[slot] = annotation.traversability;
-  }
-  void Forget(std::uint32_t slot) {
-    elevation_m[slot] = variance_m2[slot] = 0;
-    rgba[slot] = 0;
-    observed_ns[slot] = 0;
-    Annotate(slot, Annotation());
-    state[slot] = 0;
-  }
-
-  std::vector<std::uint8_t> state;
-  std::vector<float> elevation_m;
-  std::vector<float> variance_m2;
-  std::vector<float> slope_rad;
-  std::vector<float> roughness_m;
-  std::vector<float> traversability;
-  std::vector<Rgba> rgba;
-  std::vector<std::int64_t> observed_ns;
-};
-
-// The points of one scan over one cell, and what became of them.
-struct CellHits {
-  std::uint32_t begin = 0;  // in sorted_hits_
-  std::uint32_t count = 0;
-  bool confirmed = false;  // a point of this scan is in the cell
-};
+using cpu::HitLanes;
+using cpu::LaneCells;
+using cpu::Layers;
+using cpu::MeasuredPart;
+using cpu::Place;
 
 class CpuMapper final : public LocalMapper {
  public:
   explicit CpuMapper(const LocalMapOptions& options)
       : options_(options),
         limits_(FuseLimitsOf(options)),
+        set_(WidestVectorSet()),
         window_(SideCells(options)),
         layers_(window_.num_cells()),
-        cell_hits_(window_.num_cells()),
-        marked_(window_.num_cells()),
-        rays_(RayBinsOf(window_.side_cells(), options.cell_size_m)) {
-    // Lists of cells are bounded by the window: grown here, they never grow again.
-    touched_.reserve(window_.num_cells());
-    changed_.reserve(window_.num_cells());
-    dirty_.reserve(window_.num_cells());
+        hits_(window_.num_cells()),
+        changed_(window_.num_cells()),
+        planes_(window_.side_cells()),
+        candidates_(window_.num_cells()) {
+    parts_.emplace_back(window_.num_cells(), RayBinsOf(window_.side_cells(), options.cell_size_m));
     cleared_.reserve(window_.num_cells());
   }
 
@@ -89,13 +49,11 @@ class CpuMapper final : public LocalMapper {
     report.seconds.move = stopwatch.Lap();
     Measure(scan.points, report);
     report.seconds.measure = stopwatch.Lap();
-    SortHits();
     Fuse(report);
     report.seconds.fuse = stopwatch.Lap();
     AnnotateAroundChanged();
     report.seconds.annotate = stopwatch.Lap();
     Clear(report);
-    AnnotateAroundChanged();
     report.seconds.clear = stopwatch.Lap();
     return report;
   }
@@ -109,16 +67,6 @@ class CpuMapper final : public LocalMapper {
   }
 
  private:
-  // A cell of the window from the lower left; fits, as a side has at most 1024 cells.
-  struct Place {
-    std::int16_t column = 0;
-    std::int16_t row = 0;
-  };
-
-  bool IsFree(std::uint32_t slot) const {
-    // Zero where it is not annotated, and the limit is above zero: unknown is never free.
-    return layers_.traversability[slot] > options_.traversability_free;
-  }
   Place PlaceOf(std::uint32_t index) const {
     const auto side = static_cast<std::uint32_t>(window_.side_cells());
     return {static_cast<std::int16_t>(index % side), static_cast<std::int16_t>(index / side)};
@@ -132,20 +80,21 @@ class CpuMapper final : public LocalMapper {
                     std::vector<EvictedCell>& evicted);
   void Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanReport& report);
   void GrowVariances(const Scan& scan);
+  std::int32_t RangeBinLimit() const;
   void Measure(std::span<const ScanPoint> points, ScanReport& report);
-  void SortHits();
-  FuseOutcome FuseInto(Place place);
+  void LoadGroup(std::size_t first_rank, std::size_t count, LaneCells& cells) const;
+  void StoreGroup(std::size_t first_rank, std::size_t count, const LaneCells& cells,
+                  ScanReport& report);
+  FuseOutcome FuseInto(std::size_t rank);
   void Fuse(ScanReport& report);
   void AnnotateAroundChanged();
-  Annotation AnnotationOf(Place place) const;
-  void FillRays();
-  CellSight SightOfCell(Place place) const;
-  void FindCleared();
+  void FindCandidates();
   void Clear(ScanReport& report);
 
   // Constant after construction.
   const LocalMapOptions options_;
   const FuseLimits limits_;
+  const VectorSet set_;
 
   // The map.
   RingWindow window_;
@@ -155,20 +104,15 @@ class CpuMapper final : public LocalMapper {
   std::int64_t stamp_ns_ = 0;
   Pose<Odom, Base> T_O_B_;
 
-  // Of the scan in hand; members only so that their memory is kept. Indexed by window place.
+  // Of the scan in hand; members only so that their memory is kept.
   ScanFrame frame_{};
-  std::vector<Hit> hits_;                // in point order
-  std::vector<std::uint32_t> hit_cell_;  // window index of each of hits_
-  std::vector<Hit> sorted_hits_;         // by cell, within a cell in point order
-  std::vector<CellHits> cell_hits_;      // all zero between scans
-  std::vector<Place> touched_;           // cells with hits, by their first point
-  std::vector<Place> changed_;           // cells whose elevation is new since the last annotation
-  std::vector<std::uint8_t> marked_;     // all zero but while dirty_ is gathered
-  std::vector<Place> dirty_;             // cells to be annotated
+  std::vector<MeasuredPart> parts_;
+  HitLanes hits_;
+  // By window index, 0 or 1: a point of this scan is in the cell; later, what clearing changed.
+  std::vector<std::uint8_t> changed_;
+  cpu::PlaneRows planes_;
+  cpu::ClearCandidates candidates_;
   std::vector<Place> cleared_;
-  std::vector<float> ray_x_m_, ray_y_m_, ray_z_m_;  // ends of the rays that count, from the sensor
-  std::size_t num_rays_ = 0;
-  RayTable rays_;
 };
 
 void CpuMapper::EvictColumns(std::int32_t row, std::int32_t begin, std::int32_t end,
@@ -217,69 +161,96 @@ void CpuMapper::GrowVariances(const Scan& scan) {
   stamp_ns_ = scan.stamp_ns;
   T_O_B_ = scan.T_O_B;
   if (growth_m2 == 0.0f) return;
-  for (float& variance_m2 : layers_.variance_m2) {
-    // Zero says unknown here: a known cell has at least the floor, which is above zero.
-    const float grown_m2 = GrowVariance(variance_m2, growth_m2, limits_);
-    variance_m2 = variance_m2 > 0.0f ? grown_m2 : 0.0f;
-  }
+  RunVectorised(set_, [&] {
+    const FuseLimits limits = limits_;
+    float* variance_m2 = layers_.variance_m2.data();
+    const std::size_t num_cells = layers_.variance_m2.size();
+    for (std::size_t i = 0; i < num_cells; ++i) {
+      // Zero says unknown here: a known cell has at least the floor, which is above zero.
+      const float grown_m2 = GrowVariance(variance_m2[i], growth_m2, limits);
+      variance_m2[i] = variance_m2[i] > 0.0f ? grown_m2 : 0.0f;
+    }
+  });
+}
+
+// The range bin beyond which no cell of the window lies, seen from the sensor.
+std::int32_t CpuMapper::RangeBinLimit() const {
+  const RayBins& bins = parts_.front().rays.bins();
+  const float span_m = static_cast<float>(window_.side_cells()) * options_.cell_size_m;
+  const float far_x_m =
+      std::max(std::fabs(frame_.sensor_x_m), std::fabs(span_m - frame_.sensor_x_m));
+  const float far_y_m =
+      std::max(std::fabs(frame_.sensor_y_m), std::fabs(span_m - frame_.sensor_y_m));
+  const float far_m = std::sqrt(far_x_m * far_x_m + far_y_m * far_y_m);
+  // One bin more than the farthest corner asks for, as its distance is rounded here and there.
+  return std::min(RangeBinOf(far_m, bins) + 2, bins.range - 1);
 }
 
 void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
-  hits_.clear();
-  hit_cell_.clear();
-  ray_x_m_.resize(points.size());
-  ray_y_m_.resize(points.size());
-  ray_z_m_.resize(points.size());
-  num_rays_ = 0;
-  std::uint64_t fates[6] = {};
-  for (const ScanPoint& p_S : points) {
-    const Beam beam = MeasureBeam(frame_, p_S);
-    ++fates[static_cast<std::size_t>(beam.fate)];
-    ray_x_m_[num_rays_] = beam.x_m;
-    ray_y_m_[num_rays_] = beam.y_m;
-    ray_z_m_[num_rays_] = beam.z_m;
-    num_rays_ += RayCounts(beam.fate) ? 1 : 0;  // else the next point takes its place
-    if (beam.fate != PointFate::kInWindow) continue;
-    hits_.push_back({{ElevationOf(frame_, beam), SensorVarianceOf(frame_, p_S, beam)}, p_S.rgba});
-    hit_cell_.push_back(static_cast<std::uint32_t>(beam.row * window_.side_cells() + beam.column));
-  }
+  const std::int32_t range_bin_limit = RangeBinLimit();
+  cpu::MeasurePoints(set_, frame_, points, range_bin_limit, parts_.front());
   report.points = points.size();
-  report.points_out_of_range = fates[static_cast<std::size_t>(PointFate::kOutOfRange)];
-  report.points_on_body = fates[static_cast<std::size_t>(PointFate::kOnBody)];
-  report.points_out_of_height = fates[static_cast<std::size_t>(PointFate::kTooLow)] +
-                                fates[static_cast<std::size_t>(PointFate::kTooHigh)];
-  report.points_outside_window = fates[static_cast<std::size_t>(PointFate::kOutsideWindow)];
-}
-
-// Stable counting sort by cell: points of a cell stay in the scan's order.
-void CpuMapper::SortHits() {
-  touched_.clear();
-  for (const std::uint32_t index : hit_cell_) {
-    if (cell_hits_[index].count++ == 0) touched_.push_back(PlaceOf(index));
-  }
-  std::uint32_t begin = 0;
-  for (const Place place : touched_) {
-    CellHits& hits = cell_hits_[IndexOf(place)];
-    hits.begin = begin;
-    begin += hits.count;
-    hits.count = 0;  // counted again while the hits are dealt out
-  }
-  sorted_hits_.resize(hits_.size());
-  for (std::size_t i = 0; i < hits_.size(); ++i) {
-    CellHits& hits = cell_hits_[hit_cell_[i]];
-    sorted_hits_[hits.begin + hits.count++] = hits_[i];
+  for (const MeasuredPart& part : parts_) {
+    const auto count = [&](PointFate fate) { return part.fates[static_cast<std::size_t>(fate)]; };
+    report.points_out_of_range += count(PointFate::kOutOfRange);
+    report.points_on_body += count(PointFate::kOnBody);
+    report.points_out_of_height += count(PointFate::kTooLow) + count(PointFate::kTooHigh);
+    report.points_outside_window += count(PointFate::kOutsideWindow);
   }
 }
 
-FuseOutcome CpuMapper::FuseInto(Place place) {
-  CellHits& hits = cell_hits_[IndexOf(place)];
+void CpuMapper::LoadGroup(std::size_t first_rank, std::size_t count, LaneCells& cells) const {
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    const Place place = PlaceOf(hits_.CellOf(first_rank + lane));
+    const std::uint32_t slot = SlotOf(place);
+    cells.prior_m[lane] = layers_.elevation_m[slot];
+    cells.prior_m2[lane] = layers_.variance_m2[slot];
+    cells.pose_m2[lane] = PoseVarianceOfCell(frame_, place.column, place.row);
+    cells.known[lane] = layers_.known(slot) ? 1 : 0;
+    cells.is_free[lane] = layers_.IsFree(slot, options_.traversability_free) ? 1 : 0;
+    cells.count[lane] = static_cast<std::int32_t>(hits_.CountOf(first_rank + lane));
+  }
+  for (std::size_t lane = count; lane < HitLanes::kLanes; ++lane) {
+    cells.prior_m[lane] = cells.prior_m2[lane] = cells.pose_m2[lane] = 0;
+    cells.known[lane] = cells.is_free[lane] = cells.count[lane] = 0;
+  }
+}
+
+void CpuMapper::StoreGroup(std::size_t first_rank, std::size_t count, const LaneCells& cells,
+                           ScanReport& report) {
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    const std::uint32_t index = hits_.CellOf(first_rank + lane);
+    const std::uint32_t slot = SlotOf(PlaceOf(index));
+    layers_.elevation_m[slot] = cells.elevation_m[lane];
+    layers_.variance_m2[slot] = cells.variance_m2[lane];
+    // The scan has no colours: a cell keeps its own unless it begins anew.
+    const bool begun = cells.begun[lane] != 0;
+    const unsigned kept = kCellAnnotated | (begun ? 0 : kCellColored);
+    layers_.rgba[slot] = begun ? 0 : layers_.rgba[slot];
+    layers_.state[slot] = static_cast<std::uint8_t>(kCellKnown | (layers_.state[slot] & kept));
+    const bool confirmed = cells.fused[lane] > 0;
+    layers_.observed_ns[slot] = confirmed ? stamp_ns_ : layers_.observed_ns[slot];
+    changed_[index] = confirmed ? 1 : 0;
+    report.points_fused += static_cast<std::uint64_t>(cells.fused[lane]);
+    report.points_gated +=
+        hits_.CountOf(first_rank + lane) - static_cast<std::uint64_t>(cells.fused[lane]);
+    report.cells_restarted += static_cast<std::uint64_t>(cells.restarted[lane]);
+    report.cells_inflated += static_cast<std::uint64_t>(cells.inflated[lane]);
+  }
+}
+
+FuseOutcome CpuMapper::FuseInto(std::size_t rank) {
+  const std::uint32_t index = hits_.CellOf(rank);
+  const Place place = PlaceOf(index);
   const std::uint32_t slot = SlotOf(place);
   CellFusion cell;
   if (layers_.known(slot)) {
     cell = UnpackCell({layers_.elevation_m[slot], layers_.variance_m2[slot]}, layers_.rgba[slot]);
   }
+  const std::span<const Hit> hits = hits_.HitsOf(rank);
   const FuseOutcome outcome =
-      FuseCell(cell, &sorted_hits_[hits.begin], hits.count, IsFree(slot),
+      FuseCell(cell, hits.data(), static_cast<std::uint32_t>(hits.size()),
+               layers_.IsFree(slot, options_.traversability_free),
                PoseVarianceOfCell(frame_, place.column, place.row), limits_);
   layers_.elevation_m[slot] = cell.height.elevation_m;
   layers_.variance_m2[slot] = cell.height.variance_m2;
@@ -288,121 +259,82 @@ FuseOutcome CpuMapper::FuseInto(Place place) {
       kCellKnown | (layers_.state[slot] & kCellAnnotated) | (cell.colored ? kCellColored : 0));
   if (outcome.fused > 0) {
     layers_.observed_ns[slot] = stamp_ns_;
-    hits.confirmed = true;
-    changed_.push_back(place);
+    changed_[index] = 1;
   }
   return outcome;
 }
 
 void CpuMapper::Fuse(ScanReport& report) {
-  changed_.clear();
-  for (const Place place : touched_) {
-    const FuseOutcome outcome = FuseInto(place);
+  hits_.Sort(parts_);
+  std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
+  // Long cells one by one, and all that have colours; the others side by side.
+  const std::size_t num_alone = hits_.is_colored() ? hits_.num_cells() : hits_.num_long();
+  for (std::size_t rank = 0; rank < num_alone; ++rank) {
+    const FuseOutcome outcome = FuseInto(rank);
     report.points_fused += outcome.fused;
     report.points_gated += outcome.gated;
     report.cells_restarted += outcome.restarted ? 1 : 0;
     report.cells_inflated += outcome.inflated ? 1 : 0;
   }
-}
-
-Annotation CpuMapper::AnnotationOf(Place place) const {
-  const std::int32_t side = window_.side_cells();
-  const double middle_m = layers_.elevation_m[SlotOf(place)];
-  PlaneSums sums;
-  // Neighbours by window coordinates: across the seam of the ring they are neighbours all the same.
-  for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
-    const std::int32_t row = place.row + dy;
-    if (row < 0 || row >= side) continue;
-    for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
-      const std::int32_t column = place.column + dx;
-      if (column < 0 || column >= side) continue;
-      const std::uint32_t slot = window_.SlotAt(column, row);
-      if (layers_.known(slot)) sums.Add(dx, dy, layers_.elevation_m[slot] - middle_m);
-    }
+  if (hits_.is_colored()) return;
+  LaneCells cells;
+  for (std::size_t group = 0; group < hits_.num_groups(); ++group) {
+    const std::size_t first = hits_.FirstRankOf(group);
+    const std::size_t count = std::min(HitLanes::kLanes, hits_.num_cells() - first);
+    LoadGroup(first, count, cells);
+    cpu::FuseLanes(set_, hits_.HeightsOf(group), static_cast<std::int32_t>(hits_.CountOf(first)),
+                   limits_, cells);
+    StoreGroup(first, count, cells, report);
   }
-  return AnnotatePlane(FitPlane(sums, options_.plane_cells_min), options_);
 }
 
 void CpuMapper::AnnotateAroundChanged() {
-  const std::int32_t side = window_.side_cells();
-  dirty_.clear();
-  for (const Place place : changed_) {
-    const std::int32_t row_end = std::min(place.row + kPlaneRadius_cells + 1, side);
-    const std::int32_t column_end = std::min(place.column + kPlaneRadius_cells + 1, side);
-    for (std::int32_t row = std::max(place.row - kPlaneRadius_cells, 0); row < row_end; ++row) {
-      for (std::int32_t column = std::max(place.column - kPlaneRadius_cells, 0);
-           column < column_end; ++column) {
-        const Place near{static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)};
-        std::uint8_t& mark = marked_[IndexOf(near)];
-        if (mark == 0) dirty_.push_back(near);
-        mark = 1;
-      }
-    }
-  }
-  for (const Place place : dirty_) {
-    marked_[IndexOf(place)] = 0;
-    const std::uint32_t slot = SlotOf(place);
-    if (layers_.known(slot)) layers_.Annotate(slot, AnnotationOf(place));
-  }
-  changed_.clear();
+  planes_.Annotate(set_, window_, frame_.sensor_z_m, options_, changed_, 0, window_.side_cells(),
+                   layers_);
 }
 
-CellSight CpuMapper::SightOfCell(Place place) const {
-  return SightOf(static_cast<float>(place.column) * options_.cell_size_m - frame_.sensor_x_m,
-                 static_cast<float>(place.row) * options_.cell_size_m - frame_.sensor_y_m,
-                 rays_.bins());
-}
-
-void CpuMapper::FillRays() {
-  const RayBins& bins = rays_.bins();
-  const float span_m = static_cast<float>(window_.side_cells()) * options_.cell_size_m;
-  const float far_x_m =
-      std::max(std::fabs(frame_.sensor_x_m), std::fabs(span_m - frame_.sensor_x_m));
-  const float far_y_m =
-      std::max(std::fabs(frame_.sensor_y_m), std::fabs(span_m - frame_.sensor_y_m));
-  const float far_m = std::sqrt(far_x_m * far_x_m + far_y_m * far_y_m);
-  // One bin more than the farthest corner asks for, as its distance is rounded here and there.
-  rays_.Reset(std::min(RangeBinOf(far_m, bins) + 2, bins.range - 1));
-  rays_.Add(ray_x_m_.data(), ray_y_m_.data(), ray_z_m_.data(), num_rays_);
-  rays_.Complete();
-}
-
-void CpuMapper::FindCleared() {
-  // Candidates first: without any, which is common, the rays need not be looked at.
-  for (std::int32_t row = 0; row < window_.side_cells(); ++row) {
-    for (std::int32_t column = 0; column < window_.side_cells(); ++column) {
-      const Place place{static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)};
+// Known cells that no point of this scan confirmed.
+void CpuMapper::FindCandidates() {
+  std::size_t count = 0;
+  const auto side = static_cast<std::int16_t>(window_.side_cells());
+  for (std::int16_t row = 0; row < side; ++row) {
+    for (std::int16_t column = 0; column < side; ++column) {
+      const Place place{column, row};
       const std::uint32_t slot = SlotOf(place);
-      if (!layers_.known(slot) || cell_hits_[IndexOf(place)].confirmed) continue;
-      cleared_.push_back(place);
+      candidates_.place[count] = place;
+      candidates_.elevation_m[count] = layers_.elevation_m[slot];
+      candidates_.variance_m2[count] = layers_.variance_m2[slot];
+      candidates_.is_free[count] = layers_.IsFree(slot, options_.traversability_free) ? 1 : 0;
+      count += layers_.known(slot) && changed_[IndexOf(place)] == 0 ? 1 : 0;
     }
   }
-  if (cleared_.empty()) return;
-  FillRays();
-  std::erase_if(cleared_, [this](Place place) {
-    const std::uint32_t slot = SlotOf(place);
-    const float height_m =
-        ClearHeightOf(layers_.elevation_m[slot], layers_.variance_m2[slot], IsFree(slot), options_);
-    return !rays_.AllPassBelow(SightOfCell(place), frame_.sensor_z_m, height_m);
-  });
+  candidates_.count = count;
 }
 
 void CpuMapper::Clear(ScanReport& report) {
+  FindCandidates();
   cleared_.clear();
-  FindCleared();
-  report.cells_cleared = cleared_.size();
-  for (const Place place : cleared_) {
-    layers_.Forget(SlotOf(place));
-    if (cell_hits_[IndexOf(place)].count == 0) {
-      changed_.push_back(place);
-      continue;
-    }
-    // The cell was not confirmed, so all its points were counted as gated.
-    const FuseOutcome outcome = FuseInto(place);
-    report.points_fused += outcome.fused;
-    report.points_gated -= outcome.fused;
+  if (candidates_.count > 0) {
+    parts_.front().rays.Complete(set_);
+    cpu::FindPassedBelow(set_, parts_.front().rays, frame_, options_, candidates_, 0,
+                         candidates_.count, cleared_);
   }
-  for (const Place place : touched_) cell_hits_[IndexOf(place)] = CellHits();
+  report.cells_cleared = cleared_.size();
+  if (!cleared_.empty()) {
+    std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
+    for (const Place place : cleared_) {
+      layers_.Forget(SlotOf(place));
+      changed_[IndexOf(place)] = 1;
+      const std::uint32_t rank = hits_.RankOf(IndexOf(place));
+      if (rank == 0) continue;
+      // The cell was not confirmed, so all its points were counted as gated.
+      const FuseOutcome outcome = FuseInto(rank - 1);
+      report.points_fused += outcome.fused;
+      report.points_gated -= outcome.fused;
+    }
+    AnnotateAroundChanged();
+  }
+  hits_.Clear();
 }
 
 void CpuMapper::CopyTo(LocalMap& map) const {

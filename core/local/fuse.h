@@ -155,6 +155,13 @@ GEM_HOST_DEVICE inline float ClampVariance(float variance_m2, const FuseLimits& 
   return variance_m2 > limits.variance_m2_max ? limits.variance_m2_max : variance_m2;
 }
 
+/// Variance of a cell after the last point of a scan.
+GEM_HOST_DEVICE inline float SettleVariance(float variance_m2, bool inflated,
+                                            const FuseLimits& limits) {
+  const float inflation = inflated ? limits.below_gate_inflation : 1.0f;
+  return ClampVariance(ClampVariance(variance_m2, limits) * inflation, limits);
+}
+
 /// Variance of a cell that was not observed for a while. growth_m2 = rate * time.
 GEM_HOST_DEVICE inline float GrowVariance(float variance_m2, float growth_m2,
                                           const FuseLimits& limits) {
@@ -220,9 +227,7 @@ GEM_HOST_DEVICE inline FuseOutcome FuseCell(CellFusion& cell, const Hit* hits, s
     }
   }
   cell = FuseScanInto(fusion);
-  const float inflation = outcome.inflated ? limits.below_gate_inflation : 1.0f;
-  cell.height.variance_m2 =
-      ClampVariance(ClampVariance(cell.height.variance_m2, limits) * inflation, limits);
+  cell.height.variance_m2 = SettleVariance(cell.height.variance_m2, outcome.inflated, limits);
   return outcome;
 }
 

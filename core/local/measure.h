@@ -76,26 +76,58 @@ GEM_HOST_DEVICE inline bool InBody(const ScanFrame& frame, const ScanPoint& p_S)
   const float y = R[1][0] * p_S.x_m + R[1][1] * p_S.y_m + R[1][2] * p_S.z_m + frame.t_BS_m[1];
   const float z = R[2][0] * p_S.x_m + R[2][1] * p_S.y_m + R[2][2] * p_S.z_m + frame.t_BS_m[2];
   const BodyBox& box = frame.body;
-  return x >= box.x_m_min && x <= box.x_m_max && y >= box.y_m_min && y <= box.y_m_max &&
-         z >= box.z_m_min && z <= box.z_m_max;
+  return (x >= box.x_m_min) & (x <= box.x_m_max) & (y >= box.y_m_min) & (y <= box.y_m_max) &
+         (z >= box.z_m_min) & (z <= box.z_m_max);
+}
+
+GEM_HOST_DEVICE inline float Range2Of(const ScanPoint& p_S) {
+  return p_S.x_m * p_S.x_m + p_S.y_m * p_S.y_m + p_S.z_m * p_S.z_m;
+}
+/// Also what overflows is out of range, so that nothing later meets an infinity.
+GEM_HOST_DEVICE inline bool InRange(const ScanFrame& frame, float range2_m2) {
+  return (range2_m2 >= frame.range2_m2_min) & (range2_m2 <= frame.range2_m2_max);
+}
+
+/// A point seen from the sensor, with the axes of O; metres.
+struct Offset {
+  float x_m, y_m, z_m;
+};
+GEM_HOST_DEVICE inline Offset OffsetOf(const ScanFrame& frame, const ScanPoint& p_S) {
+  const auto& R = frame.R_OS;
+  return {R[0][0] * p_S.x_m + R[0][1] * p_S.y_m + R[0][2] * p_S.z_m,
+          R[1][0] * p_S.x_m + R[1][1] * p_S.y_m + R[1][2] * p_S.z_m,
+          R[2][0] * p_S.x_m + R[2][1] * p_S.y_m + R[2][2] * p_S.z_m};
+}
+
+/// A place over the window, in cells from its lower left corner.
+struct WindowPlace {
+  float column, row;
+};
+GEM_HOST_DEVICE inline WindowPlace WindowPlaceOf(const ScanFrame& frame, const Offset& offset) {
+  // Dividing, not multiplying by the inverse, which would move borders that floats hold exactly.
+  return {(frame.sensor_x_m + offset.x_m) / frame.cell_size_m,
+          (frame.sensor_y_m + offset.y_m) / frame.cell_size_m};
+}
+GEM_HOST_DEVICE inline bool InWindow(const ScanFrame& frame, const WindowPlace& place) {
+  const auto side = static_cast<float>(frame.side_cells);
+  return (place.column >= 0.0f) & (place.column < side) & (place.row >= 0.0f) & (place.row < side);
 }
 
 /// Eq. (1) without the elevation of the sensor, and the cell of the point.
 GEM_HOST_DEVICE inline Beam MeasureBeam(const ScanFrame& frame, const ScanPoint& p_S) {
   Beam beam{0, 0, 0, 0, PointFate::kOutOfRange, 0, 0};
-  const float range2 = p_S.x_m * p_S.x_m + p_S.y_m * p_S.y_m + p_S.z_m * p_S.z_m;
-  // Also what overflows ends here, so that nothing below meets an infinity.
-  if (!(range2 >= frame.range2_m2_min && range2 <= frame.range2_m2_max)) return beam;
-  beam.range_m = std::sqrt(range2);
+  const float range2_m2 = Range2Of(p_S);
+  if (!InRange(frame, range2_m2)) return beam;
+  beam.range_m = std::sqrt(range2_m2);
   if (frame.has_body && InBody(frame, p_S)) {
     beam.fate = PointFate::kOnBody;
     return beam;
   }
-  const auto& R = frame.R_OS;
-  beam.x_m = R[0][0] * p_S.x_m + R[0][1] * p_S.y_m + R[0][2] * p_S.z_m;
-  beam.y_m = R[1][0] * p_S.x_m + R[1][1] * p_S.y_m + R[1][2] * p_S.z_m;
-  beam.z_m = R[2][0] * p_S.x_m + R[2][1] * p_S.y_m + R[2][2] * p_S.z_m;
-  const float height_m = beam.z_m + frame.sensor_over_base_m;
+  const Offset offset = OffsetOf(frame, p_S);
+  beam.x_m = offset.x_m;
+  beam.y_m = offset.y_m;
+  beam.z_m = offset.z_m;
+  const float height_m = offset.z_m + frame.sensor_over_base_m;
   if (height_m < frame.height_m_min) {
     beam.fate = PointFate::kTooLow;
     return beam;
@@ -104,15 +136,12 @@ GEM_HOST_DEVICE inline Beam MeasureBeam(const ScanFrame& frame, const ScanPoint&
     beam.fate = PointFate::kTooHigh;
     return beam;
   }
-  // Dividing, not multiplying by the inverse, which would move borders that floats hold exactly.
-  const float column = (frame.sensor_x_m + beam.x_m) / frame.cell_size_m;
-  const float row = (frame.sensor_y_m + beam.y_m) / frame.cell_size_m;
-  const float side = static_cast<float>(frame.side_cells);
+  const WindowPlace place = WindowPlaceOf(frame, offset);
   beam.fate = PointFate::kOutsideWindow;
-  if (column >= 0.0f && column < side && row >= 0.0f && row < side) {
+  if (InWindow(frame, place)) {
     beam.fate = PointFate::kInWindow;
-    beam.column = static_cast<std::int32_t>(column);
-    beam.row = static_cast<std::int32_t>(row);
+    beam.column = static_cast<std::int32_t>(place.column);
+    beam.row = static_cast<std::int32_t>(place.row);
   }
   return beam;
 }

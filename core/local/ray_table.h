@@ -2,12 +2,30 @@
 // it, one pass over the table completes it, and each cell then takes a look-up per azimuth bin.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
+#include "core/base/check.h"
+#include "core/base/vector_set.h"
 #include "core/local/clear.h"
 
 namespace gem {
+
+/// The slope of no ray: it lowers nothing.
+inline constexpr float kNoRay = std::numeric_limits<float>::infinity();
+
+/// Where a table whose limit is range_bin_limit keeps a ray, and the slope that it keeps.
+struct RayPlace {
+  std::int32_t index = 0;
+  float slope = kNoRay;
+};
+inline RayPlace RayPlaceOf(const Ray& ray, const RayBins& bins, std::int32_t range_bin_limit) {
+  const std::int32_t range_bin = ray.range_bin < range_bin_limit ? ray.range_bin : range_bin_limit;
+  return {range_bin * bins.azimuth + ray.azimuth_bin, range_bin > 0 ? ray.slope : kNoRay};
+}
 
 class RayTable {
  public:
@@ -19,14 +37,32 @@ class RayTable {
 
   /// Forgets all rays. Cells whose range_bin_min is above the limit will not be asked for, so rays
   /// that end later are kept as if they ended there. 1 <= limit < bins().range.
-  void Reset(std::int32_t range_bin_limit);
+  void Reset(std::int32_t range_bin_limit) {
+    GEM_CHECK(range_bin_limit >= 1 && range_bin_limit < bins_.range);
+    limit_ = range_bin_limit;
+    std::fill_n(slopes_.begin(), IndexAt(limit_ + 1, 0), kNoRay);
+  }
 
-  /// The ray to (x, y, z), relative to the sensor, axes of O; `count` of them.
-  void Add(const float* x_m, const float* y_m, const float* z_m, std::size_t count);
+  /// Rays at places that RayPlaceOf() gave for bins() and the limit. Inline, as it belongs into the
+  /// loop over a scan's points.
+  void Add(const std::int32_t* places, const float* slopes, std::size_t count) {
+    float* table = slopes_.data();
+    for (std::size_t i = 0; i < count; ++i) {
+      float& lowest = table[places[i]];
+      lowest = slopes[i] < lowest ? slopes[i] : lowest;
+    }
+  }
+  void Add(const Ray& ray) {
+    const RayPlace place = RayPlaceOf(ray, bins_, limit_);
+    Add(&place.index, &place.slope, 1);
+  }
+
+  /// Adds the rays of another table of the same bins and limit; neither is complete.
+  void Merge(VectorSet set, const RayTable& other);
 
   /// To be called once, after the last Add: from here on a range bin holds the rays that end in it
   /// or later, and bin 0 all rays.
-  void Complete();
+  void Complete(VectorSet set);
 
   /// Whether in every azimuth bin of the cell that holds rays one crosses the cell and passes below
   /// height_m. A bin without any ray, finer than the sensor's columns, says nothing.

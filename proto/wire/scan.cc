@@ -1,6 +1,7 @@
 #include "proto/wire/scan.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -349,35 +350,67 @@ std::uint64_t PayloadBytes(const v1::Scan& proto) {
          proto.depth_image().rgb().size();
 }
 
+namespace {
+
+/// Where the values of a point lie when they are sent: xyz, then colour and time offset where there
+/// are any.
+struct PointStride {
+  PointStride(std::span<const ScanPoint> points, std::uint32_t xyz_bytes, bool timed)
+      : rgba(xyz_bytes),
+        time_offset(rgba + (HasColors(points) ? 4 : 0)),
+        bytes(time_offset + (timed ? 4 : 0)) {}
+
+  bool colored() const { return time_offset != rgba; }
+  bool timed() const { return bytes != time_offset; }
+
+  /// Adds the fields that follow xyz.
+  void AddFields(v1::Scan* proto) const {
+    if (colored()) AddField(kColorName, rgba, v1::PointField::TYPE_UINT32, proto);
+    if (timed()) AddField(kTimeOffsetName, time_offset, v1::PointField::TYPE_FLOAT32, proto);
+  }
+  void WriteBehindXyz(const ScanPoint& point, std::span<const float> time_offsets_s, std::size_t i,
+                      char* to) const {
+    if (colored()) std::memcpy(to + rgba, &point.rgba, sizeof(point.rgba));
+    if (timed()) std::memcpy(to + time_offset, &time_offsets_s[i], sizeof(float));
+  }
+
+  const std::uint32_t rgba, time_offset, bytes;
+
+ private:
+  static bool HasColors(std::span<const ScanPoint> points) {
+    return std::any_of(points.begin(), points.end(),
+                       [](const ScanPoint& point) { return point.rgba != 0; });
+  }
+};
+
+}  // namespace
+
 void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto,
                    std::span<const float> time_offsets_s) {
-  bool colored = false;
-  for (const ScanPoint& point : points) colored |= point.rgba != 0;
-  const std::uint32_t width = colored ? 16 : 12;
-  const std::uint32_t stride = time_offsets_s.empty() ? width : width + 4;
+  constexpr std::uint32_t kXyzBytes = 12;
+  const PointStride stride(points, kXyzBytes, !time_offsets_s.empty());
   proto->clear_fields();
   for (std::uint32_t axis = 0; axis < 3; ++axis)
     AddField(kAxisNames[axis], 4 * axis, v1::PointField::TYPE_FLOAT32, proto);
-  if (colored) AddField(kColorName, 12, v1::PointField::TYPE_UINT32, proto);
-  if (stride != width) AddField(kTimeOffsetName, width, v1::PointField::TYPE_FLOAT32, proto);
-  char* to = ResizePoints(points.size(), stride, proto);
-  for (std::size_t i = 0; i < points.size(); ++i, to += stride) {
-    std::memcpy(to, &points[i], width);
-    if (stride != width) std::memcpy(to + width, &time_offsets_s[i], sizeof(float));
+  stride.AddFields(proto);
+  char* to = ResizePoints(points.size(), stride.bytes, proto);
+  for (std::size_t i = 0; i < points.size(); ++i, to += stride.bytes) {
+    std::memcpy(to, &points[i], kXyzBytes);
+    stride.WriteBehindXyz(points[i], time_offsets_s, i, to);
   }
 }
 
 absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto,
                                 std::span<const float> time_offsets_s) {
-  constexpr std::uint32_t kWidth = 6;
-  const std::uint32_t stride = time_offsets_s.empty() ? kWidth : kWidth + 4;
+  constexpr std::uint32_t kXyzBytes = 6;
+  const PointStride stride(points, kXyzBytes, !time_offsets_s.empty());
   proto->clear_fields();
   for (std::uint32_t axis = 0; axis < 3; ++axis)
     AddField(kAxisNames[axis], 2 * axis, v1::PointField::TYPE_INT16, proto)->set_scale(scale_m);
-  if (stride != kWidth) AddField(kTimeOffsetName, kWidth, v1::PointField::TYPE_FLOAT32, proto);
-  char* to = ResizePoints(points.size(), stride, proto);
+  stride.AddFields(proto);
+  char* to = ResizePoints(points.size(), stride.bytes, proto);
   const FieldPath root("points");
-  for (std::size_t i = 0; i < points.size(); ++i, to += stride) {
+  for (std::size_t i = 0; i < points.size(); ++i, to += stride.bytes) {
     const std::array<float, 3> xyz = {points[i].x_m, points[i].y_m, points[i].z_m};
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const double raw = std::nearbyint(static_cast<double>(xyz[axis]) / scale_m);
@@ -387,7 +420,7 @@ absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_
       const auto value = static_cast<std::int16_t>(raw);
       std::memcpy(to + 2 * axis, &value, sizeof(value));
     }
-    if (stride != kWidth) std::memcpy(to + kWidth, &time_offsets_s[i], sizeof(float));
+    stride.WriteBehindXyz(points[i], time_offsets_s, i, to);
   }
   return absl::OkStatus();
 }

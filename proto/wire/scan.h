@@ -56,8 +56,8 @@ absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const Fi
 /// only. time_offsets_s: one for each point, or none.
 void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto,
                    std::span<const float> time_offsets_s = {});
-/// x, y, z as INT16 of the given scale: half of the bytes. INVALID_ARGUMENT for a point that does
-/// not fit.
+/// x, y, z as INT16 of the given scale: half of the bytes; the rest as above. INVALID_ARGUMENT for
+/// a point that does not fit.
 absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto,
                                 std::span<const float> time_offsets_s = {});
 

@@ -109,22 +109,17 @@ TEST(Orthophoto, ShowsTheColoursThatTheCameraSaw) {
   const ServerProcess server;
   const ScratchDir scratch;
   WriteRecording(scratch);
-  const Finished replay =
-      Gem({"replay", "kitti", scratch.File("drive"), "--server", server.address(), "--map", "m",
-           "--robot", "r", "--local_size_m", "20", "--color_images", "image_2"});
-  ASSERT_EQ(replay.exit_code, 0) << replay.output;
-  // The map's extent is that of the window, so that both pictures have the same layout.
-  ExpectRedAndBlue({"export", "--map", "m", "--region", "-10,-10,10,10"}, server, scratch);
-  ExpectRedAndBlue({"local", "--robot", "r"}, server, scratch);
-}
-
-TEST(Orthophoto, NeedsAnEncodingThatCarriesColours) {
-  const ScratchDir scratch;
-  WriteRecording(scratch);
-  const Finished replay = Gem({"replay", "kitti", scratch.File("drive"), "--server", "127.0.0.1:1",
-                               "--color_images", "image_2", "--points", "int16"});
-  EXPECT_EQ(replay.exit_code, 1);
-  EXPECT_THAT(replay.output, testing::HasSubstr("int16 points carry no colours"));
+  for (const char* points : {"float32", "int16"}) {
+    SCOPED_TRACE(points);
+    const Finished replay =
+        Gem({"replay", "kitti", scratch.File("drive"), "--server", server.address(), "--map",
+             points, "--robot", points, "--local_size_m", "20", "--color_images", "image_2",
+             "--points", points});
+    ASSERT_EQ(replay.exit_code, 0) << replay.output;
+    // The map's extent is that of the window, so that both pictures have the same layout.
+    ExpectRedAndBlue({"export", "--map", points, "--region", "-10,-10,10,10"}, server, scratch);
+    ExpectRedAndBlue({"local", "--robot", points}, server, scratch);
+  }
 }
 
 TEST(Orthophoto, ShowsAStreetFromStereoPairs) {

@@ -55,6 +55,21 @@ TEST(ScanFromProto, DecodesInt16PointsAtAThirdOfTheStride) {
   EXPECT_NEAR(decoded.points[1].y_m, 5.5f, 1e-5);  // 1100 * 0.005
 }
 
+TEST(ScanFromProto, Int16PointsKeepTheirColours) {
+  const std::vector<ScanPoint> points = {{1, 2, 3, 0xff0000ffu}, {4, 5, 6, 0}};
+  const std::vector<float> offsets_s = {-0.05f, 0.05f};
+  v1::Scan scan = GoodScan();
+  ASSERT_TRUE(PointsToProtoInt16(points, 0.01, &scan, offsets_s).ok());
+  EXPECT_EQ(scan.point_stride(), 14u);
+  DecodedScan decoded;
+  ASSERT_TRUE(Decode(scan, decoded).ok());
+  ASSERT_EQ(decoded.points.size(), 2u);
+  EXPECT_EQ(decoded.points[0].rgba, 0xff0000ffu);
+  EXPECT_EQ(decoded.points[1].rgba, 0u);
+  EXPECT_NEAR(decoded.points[1].z_m, 6, 1e-6);
+  EXPECT_EQ(decoded.time_offsets_s, offsets_s);
+}
+
 TEST(ScanFromProto, RefusesToSendAPointThatInt16CannotHold) {
   v1::Scan scan;
   EXPECT_THAT(PointsToProtoInt16(std::vector<ScanPoint>{{0, 0, 400, 0}}, 0.01, &scan),

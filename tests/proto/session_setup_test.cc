@@ -135,6 +135,7 @@ TEST(SessionSetup, RefusesNumbersThatAreNotFinite) {
 TEST(MapSetup, ConflictsNameTheFieldAndBothValues) {
   GlobalMapOptions map;
   map.cell_size_m = 0.2f;
+  map.submap_length_m = 20;
   EXPECT_TRUE(MapSetup{}.CheckAgainst(map).ok());
   EXPECT_TRUE((MapSetup{0.2f, 20.0f, false}).CheckAgainst(map).ok());
   const absl::Status status = MapSetup{0.1f, {}, false}.CheckAgainst(map);

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <future>
+#include <optional>
+#include <thread>
 
 #include "proto/wire/refusal.h"
 
@@ -171,6 +173,37 @@ TEST(AnswerMemory, ForgetsTheOldestFirst) {
   EXPECT_EQ(memory.Find("t", "3"), nullptr);
   memory.Remember("s", "", {});
   EXPECT_EQ(memory.Find("s", ""), nullptr);
+}
+
+class MapActorThatSeldomPublishes : public MapActorTest {
+ protected:
+  MapActorThatSeldomPublishes() : MapActorTest(Limits()) {}
+  static MapActorOptions Limits() {
+    MapActorOptions limits;
+    limits.publish_hz = 0.001;
+    return limits;
+  }
+};
+
+TEST_F(MapActorThatSeldomPublishes, KnowsHowLongItsOldestNewsHasWaited) {
+  // The session that was added is published at once, then nothing for a thousand seconds.
+  while (map_->lag().oldest_waiting.has_value()) std::this_thread::yield();
+  const Clock::time_point before = Clock::now();
+  map_->Update("s", UpdateAt(0, 0), nullptr);
+  const Clock::time_point between = Clock::now();
+  map_->Update("s", UpdateAt(1, 1), nullptr);
+  const std::optional<Clock::time_point> waiting = map_->lag().oldest_waiting;
+  ASSERT_TRUE(waiting.has_value());
+  EXPECT_GE(*waiting, before);
+  EXPECT_LE(*waiting, between);
+  // A correction does not wait, and takes along what does.
+  const Clock::time_point corrected = Clock::now();
+  ASSERT_TRUE(Correct(1, 0).ok());
+  const MapActor::Lag lag = map_->lag();
+  EXPECT_FALSE(lag.oldest_waiting.has_value());
+  EXPECT_FALSE(lag.oldest_correction.has_value());
+  EXPECT_EQ(lag.num_corrections, 0);
+  EXPECT_GE(lag.published, corrected);
 }
 
 }  // namespace

@@ -228,12 +228,41 @@ TEST_F(Reading, TheMetricsPageHasAHistogramPerStageAndCall) {
   EXPECT_GE(MetricValue(page, "gem_rpc_seconds_bucket{method=\"BatchGetTiles\",le=\"0.1\"}"), 1);
   EXPECT_EQ(MetricValue(page, "gem_rpc_total{code=\"OK\",method=\"BatchGetTiles\"}"), 1);
   EXPECT_EQ(MetricValue(page, "gem_rpc_total{code=\"OK\",method=\"Ingest\"}"), 1);
+  EXPECT_EQ(MetricValue(page, "gem_rpc_started_total{method=\"Ingest\"}"), 1);
+  EXPECT_EQ(MetricValue(page, "gem_rpc_active_calls{method=\"Ingest\"}"), 0);
+  EXPECT_EQ(MetricValue(page, "gem_scan_seconds_count"), 5);
   // 5 scans of 1024 points, each counted once.
   double points = 0;
   for (const char* outcome :
        {"fused", "gated", "outside_window", "out_of_range", "out_of_height", "on_body"})
     points += MetricValue(page, std::string("gem_scan_points_total{outcome=\"") + outcome + "\"}");
   EXPECT_EQ(points, 5 * 1024);
+}
+
+TEST_F(Reading, ThePageCountsBytesAndTilesOfAnswers) {
+  v1::BatchGetTilesRequest request;
+  request.set_map("site");
+  for (const int x : {0, 1000}) request.add_tiles()->set_x(x);
+  v1::BatchGetTilesResponse response;
+  ASSERT_TRUE(
+      TestServer::Call(server_.tiles(), &v1::TileService::Stub::BatchGetTiles, request, response)
+          .ok());
+  EXPECT_EQ(server_.Metric("gem_tiles_served_total{outcome=\"full\"}"), 1);
+  EXPECT_EQ(server_.Metric("gem_tiles_served_total{outcome=\"absent\"}"), 1);
+  const std::string calls = "gem_rpc_bytes_total{direction=\"";
+  EXPECT_EQ(server_.Metric(calls + "received\",method=\"BatchGetTiles\"}"), request.ByteSizeLong());
+  EXPECT_EQ(server_.Metric(calls + "sent\",method=\"BatchGetTiles\"}"), response.ByteSizeLong());
+  // 5 scans of 1024 points of 12 bytes, and little else.
+  const double ingested = server_.Metric(calls + "received\",method=\"Ingest\"}");
+  EXPECT_GE(ingested, 5 * 1024 * 12);
+  EXPECT_LT(ingested, 5 * 1024 * 12 * 1.1);
+}
+
+TEST_F(Reading, AMapThatShowsEverythingIsNotStale) {
+  EXPECT_EQ(server_.Metric("gem_map_staleness_seconds{map=\"site\"}"), 0);
+  EXPECT_EQ(server_.Metric("gem_waiting_corrections{map=\"site\"}"), 0);
+  EXPECT_EQ(server_.Metric("gem_correction_oldest_seconds{map=\"site\"}"), 0);
+  EXPECT_GE(server_.Metric("gem_map_revision_age_seconds{map=\"site\"}"), 0);
 }
 
 }  // namespace

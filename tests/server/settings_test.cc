@@ -2,9 +2,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include <cstdio>
 #include <fstream>
+#include <string>
+#include <vector>
 
 namespace gem {
 namespace {
@@ -68,6 +71,41 @@ TEST_F(ConfigFile, AMissingFileIsNamed) {
   ServerOptions options;
   EXPECT_EQ(std::string(ReadConfigFile("/nowhere/gem.yaml", options).message()),
             "/nowhere/gem.yaml: cannot be read");
+}
+
+/// The node of a setting in a file; undefined if it is not there.
+YAML::Node Find(const YAML::Node& root, const std::string& name) {
+  const std::size_t dot = name.find('.');
+  if (dot == std::string::npos) return root[name];
+  const YAML::Node level = root[name.substr(0, dot)];
+  return level.IsDefined() ? level[name.substr(dot + 1)] : level;
+}
+
+TEST(ExampleFile, ShowsEveryOptionWithItsDefaultAndExplainsIt) {
+  const std::string path = std::string(GEM_SOURCE_DIR) + "/deploy/gem_server.yaml";
+  std::vector<std::string> lines = {""};  // lines count from 1
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  const YAML::Node root = YAML::LoadFile(path);
+  const ServerOptions defaults;
+  for (const Setting& setting : Settings()) {
+    const YAML::Node node = Find(root, setting.name);
+    ASSERT_TRUE(node.IsDefined()) << setting.name << " is missing in " << path;
+    EXPECT_EQ(node.as<std::string>(), setting.get(defaults)) << setting.name;
+    const auto line = static_cast<std::size_t>(node.Mark().line) + 1;
+    EXPECT_TRUE(lines[line].find('#') != std::string::npos || lines[line - 1].rfind("#", 0) == 0)
+        << path << ":" << line << " does not say what it is";
+  }
+}
+
+TEST(ExampleFile, IsReadWithoutChangingAnything) {
+  ServerOptions options;
+  options.sessions_max = 1;
+  const absl::Status read =
+      ReadConfigFile(std::string(GEM_SOURCE_DIR) + "/deploy/gem_server.yaml", options);
+  ASSERT_TRUE(read.ok()) << read;
+  for (const Setting& setting : Settings())
+    EXPECT_EQ(setting.get(options), setting.get(ServerOptions())) << setting.name;
 }
 
 TEST(Settings, GiveBackWhatTheyWereSetTo) {

@@ -206,6 +206,23 @@ TEST(WaitingScan, SurvivesItsStream) {
   EXPECT_THAT(robot.problems(), IsEmpty());
 }
 
+TEST(WaitingScan, DoesNotKeepASessionFromEndingByItself) {
+  ServerOptions options = PatientOptions();
+  options.session_idle_s_max = 0.05;
+  TestServer server(options);
+  {
+    TestStream robot(server.ingest(), TestOpen("r1", "s1"));
+    ASSERT_TRUE(robot.Send(ScanWithoutPose(1)));
+    ASSERT_TRUE(robot.SendEmpty());  // refused, which tells that what came before has arrived
+    ASSERT_TRUE(robot.ReadUntilProblems(1));
+    robot.Vanish();
+  }
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (server.Metric("gem_scans_total{reason=\"no_pose\",result=\"refused\"}") != 1 ||
+         server.Metric("gem_sessions{state=\"alone\"}") != 0)
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+}
+
 TEST(Poses, MayBeRepeated) {
   TestServer server;
   TestStream robot(server.ingest(), TestOpen("r1", "s1"));

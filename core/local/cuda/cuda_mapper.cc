@@ -229,10 +229,10 @@ void CudaMapper::EnqueueStages(const Scan& scan, float growth_m2) {
   }
   EnqueueFuse(layers, window_, task, device, *stream_);
   gpu::MarkAsync(kFusedAll, *stream_);
-  EnqueueAnnotate(layers, window_, options_, device.changed, *stream_);
+  EnqueueAnnotate(layers, window_, options_, frame.sensor_z_m, device.changed, *stream_);
   gpu::MarkAsync(kAnnotated, *stream_);
   EnqueueClear(layers, window_, options_, task, rays, device, *stream_);
-  EnqueueAnnotate(layers, window_, options_, device.changed, *stream_);
+  EnqueueAnnotate(layers, window_, options_, frame.sensor_z_m, device.changed, *stream_);
   gpu::MarkAsync(kEnd, *stream_);
 }
 

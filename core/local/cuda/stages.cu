@@ -185,6 +185,11 @@ struct HaloTile {
 };
 constexpr std::size_t kHaloBytes = kHaloCells * (sizeof(float) + 2);
 
+GEM_DEVICE inline std::uint32_t NeighbourOf(std::uint32_t i, std::int32_t dx, std::int32_t dy) {
+  return static_cast<std::uint32_t>(static_cast<std::int32_t>(i) +
+                                    dy * static_cast<std::int32_t>(kHaloColumns) + dx);
+}
+
 GEM_DEVICE inline HaloTile LoadTile(const DeviceLayers& layers, const DeviceWindow& window,
                                     const std::uint8_t* changed) {
   auto* bytes = static_cast<std::uint8_t*>(gpu::SharedBytes());
@@ -210,33 +215,41 @@ GEM_DEVICE inline HaloTile LoadTile(const DeviceLayers& layers, const DeviceWind
 }
 
 // Sums over the 5x5 neighbourhood of the thread's cell, in the order that every backend takes.
-// False if nothing changed there.
-GEM_DEVICE inline bool SumAround(const HaloTile& tile, std::uint32_t middle, PlaneSums& sums) {
-  const double middle_m = tile.elevation_m[middle];
+GEM_DEVICE inline PlaneSums SumAround(const HaloTile& tile, std::uint32_t middle,
+                                      double reference_m) {
+  PlaneSums sums;
+  for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
+    ColumnSums column;
+    for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
+      const std::uint32_t i = NeighbourOf(middle, dx, dy);
+      column.Add(dy, tile.known[i] != 0, tile.elevation_m[i] - reference_m);
+    }
+    sums.Add(dx, column);
+  }
+  return sums;
+}
+
+GEM_DEVICE inline bool AnyChangedAround(const HaloTile& tile, std::uint32_t middle) {
   std::uint32_t any_changed = 0;
   for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
     for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
-      const auto i = static_cast<std::uint32_t>(static_cast<std::int32_t>(middle) +
-                                                dy * static_cast<std::int32_t>(kHaloColumns) + dx);
-      any_changed |= tile.changed[i];
-      if (tile.known[i] != 0) sums.Add(dx, dy, tile.elevation_m[i] - middle_m);
+      any_changed |= tile.changed[NeighbourOf(middle, dx, dy)];
     }
   }
   return any_changed != 0;
 }
 
 GEM_KERNEL AnnotateCells(DeviceLayers layers, DeviceWindow window, LocalMapOptions options,
-                         const std::uint8_t* changed) {
+                         float reference_m, const std::uint8_t* changed) {
   const HaloTile tile = LoadTile(layers, window, changed);
   const gpu::Dim thread = gpu::ThreadIndex();
   const Place place{static_cast<std::int32_t>(gpu::BlockIndex().x * kTileColumns + thread.x),
                     static_cast<std::int32_t>(gpu::BlockIndex().y * kTileRows + thread.y)};
   const std::uint32_t middle = (thread.y + kHalo) * kHaloColumns + thread.x + kHalo;
   if (!window.Contains(place) || tile.known[middle] == 0) return;
-  PlaneSums sums;
-  if (!SumAround(tile, middle, sums)) return;
-  StoreAnnotation(layers, window.SlotOf(place),
-                  AnnotatePlane(FitPlane(sums, options.plane_cells_min), options));
+  if (!AnyChangedAround(tile, middle)) return;
+  const PlaneSums sums = SumAround(tile, middle, static_cast<double>(reference_m));
+  StoreAnnotation(layers, window.SlotOf(place), AnnotationOf(sums, options));
 }
 
 // ---- clear
@@ -351,12 +364,12 @@ void EnqueueFuse(const DeviceLayers& layers, const DeviceWindow& window, const F
 }
 
 void EnqueueAnnotate(const DeviceLayers& layers, const DeviceWindow& window,
-                     const LocalMapOptions& options, const std::uint8_t* changed,
+                     const LocalMapOptions& options, float reference_m, const std::uint8_t* changed,
                      gpu::Stream& stream) {
   const auto side = static_cast<std::uint32_t>(window.side_cells);
-  gpu::Launch(AnnotateCells,
-              {gpu::BlocksOver(side, kTileColumns), gpu::BlocksOver(side, kTileRows)},
-              {kTileColumns, kTileRows}, kHaloBytes, stream, layers, window, options, changed);
+  gpu::Launch(
+      AnnotateCells, {gpu::BlocksOver(side, kTileColumns), gpu::BlocksOver(side, kTileRows)},
+      {kTileColumns, kTileRows}, kHaloBytes, stream, layers, window, options, reference_m, changed);
 }
 
 void EnqueueClear(const DeviceLayers& layers, const DeviceWindow& window,

@@ -39,9 +39,10 @@ static_assert(sizeof(FuseTask) ==
 void EnqueueFuse(const DeviceLayers& layers, const DeviceWindow& window, const FuseTask& task,
                  const DeviceScan& scan, gpu::Stream& stream);
 
-/// Eq. (7) for the known cells around changed ones.
+/// Eq. (7) for the known cells around changed ones. Heights are summed relative to reference_m, in
+/// O: the sensor's, as in every backend.
 void EnqueueAnnotate(const DeviceLayers& layers, const DeviceWindow& window,
-                     const LocalMapOptions& options, const std::uint8_t* changed,
+                     const LocalMapOptions& options, float reference_m, const std::uint8_t* changed,
                      gpu::Stream& stream);
 
 /// Section IV-C: completes the rays' table, clears, and fuses what a cleared cell's own points say.

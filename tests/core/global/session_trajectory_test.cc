@@ -153,5 +153,45 @@ TEST(SessionTrajectory, OdometryIsThinnedOutAtItsLimit) {
   EXPECT_NEAR(trajectory.odometry().At(123450)->translation().x(), 1234.5, 1e-6);
 }
 
+/// A square piece of 3 m at x, seen when the robot was there.
+SubmapPart PartAt(double x_m) {
+  return {Point<Submap>(x_m, 0, 0), 0.75, 100, static_cast<std::int64_t>(100 * x_m)};
+}
+
+// Along 20 m the correction raises the way by 4 cm a metre: C at any one stamp leaves the submap
+// level, and 40 cm off at one end or 20 cm at both.
+TEST(SessionTrajectory, ASubmapTakesTheSlopeThatTheCorrectionHas) {
+  SessionTrajectory trajectory = Drive(20);
+  CorrectedTrajectory correction;
+  for (int i = 0; i <= 20; ++i)
+    correction.push_back({100 * i, Pose<Global, Base>::FromTranslation(i, 0, 0.04 * i)});
+  trajectory.SetCorrection(correction);
+  const Pose<Global, Odom> T_G_O =
+      trajectory.T_G_O({PartAt(2), PartAt(6), PartAt(10), PartAt(14), PartAt(18)}, {});
+  // The pieces themselves stayed level, so a little of the slope is missing.
+  EXPECT_NEAR((T_G_O * Point<Odom>(10, 0, 0)).z(), 0.4, 1e-6);
+  EXPECT_NEAR((T_G_O * Point<Odom>(18, 0, 0)).z(), 0.72, 0.015);
+  EXPECT_NEAR((T_G_O * Point<Odom>(2, 0, 0)).z(), 0.08, 0.015);
+}
+
+// One bad pose of SLAM moves a part of the submap, not all of it.
+TEST(SessionTrajectory, OneStrayPoseHardlyTurnsASubmap) {
+  SessionTrajectory trajectory = Drive(20);
+  CorrectedTrajectory correction;
+  for (int i = 0; i <= 20; ++i) correction.push_back({100 * i, CorrectedTo(i, 0)});
+  correction[2].T_A_B = Pose<Global, Base>::FromYaw(0.1, {2, 0, 0});
+  trajectory.SetCorrection(correction);
+  const Pose<Global, Odom> T_G_O =
+      trajectory.T_G_O({PartAt(2), PartAt(6), PartAt(10), PartAt(14), PartAt(18)}, {});
+  EXPECT_LT((T_G_O * Point<Odom>(18, 0, 0)).xyz().head<2>().y(), 0.02) << "by the pose: 1.6 m";
+}
+
+TEST(SessionTrajectory, ASubmapUnderOneCorrectionMovesAsItSays) {
+  SessionTrajectory trajectory = Drive(20);
+  const auto moved = Pose<Global, Odom>::FromYaw(0.3, {1, 2, 3});
+  trajectory.SetCorrection({{0, moved * At(0)}, {2000, moved * At(20)}});
+  EXPECT_TRUE(Identical(trajectory.T_G_O({PartAt(2), PartAt(18)}, {}), trajectory.T_G_O(1000)));
+}
+
 }  // namespace
 }  // namespace gem

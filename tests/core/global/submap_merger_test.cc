@@ -70,6 +70,16 @@ TEST(Merge, KeepsTheOlderOnesOriginAndNamesAllRobots) {
   EXPECT_EQ(merged->origin().robots, (std::vector<std::string>{"robot-a", "robot-b"}));
 }
 
+// What is merged into a submap was placed by another stretch of the way, or another robot.
+TEST(Merge, CorrectionsMoveTheResultByWhatTheOlderOneMapped) {
+  const auto older = Square("a", 1, 0, 0);
+  const auto merged = Merge(Placed(1, older), Placed(2, Square("b", 2, 20, 0)), {});
+  ASSERT_NE(merged, nullptr);
+  EXPECT_GT(merged->num_cells(), older->num_cells());
+  ASSERT_EQ(merged->parts().size(), older->parts().size());
+  EXPECT_EQ(merged->parts().front().num_cells, older->parts().front().num_cells);
+}
+
 TEST(Merge, LeavesNoHolesWhenTheSubmapsAreTurned) {
   const PlacedSubmap older = Placed(1, Square("a", 1, 0, 1));
   const auto newer = MakeSubmap("a", 2 * kSecond_ns, {}, {{-60, -60}, {60, 60}}, Flat(1));
@@ -123,7 +133,42 @@ TEST(Maintain, ACrossingThatIsNearerDoesNotHideTheStreet) {
   EXPECT_EQ(result.num_merged, 1u);
   ASSERT_EQ(result.submaps.size(), 2u);
   EXPECT_EQ(result.submaps[0]->submap->num_cells(), 140u * 20);
-  EXPECT_EQ(result.submaps[1]->submap, crossing);
+  EXPECT_EQ(result.submaps[1]->submap->num_cells(), crossing->num_cells());
+  EXPECT_EQ(result.submaps[1]->submap->last_stamp_ns(), 3 * kSecond_ns) << "its middle, seen again";
+}
+
+Maintenance MaintainLast(const std::vector<std::shared_ptr<const Submap>>& all) {
+  std::vector<std::shared_ptr<const PlacedSubmap>> submaps;
+  for (const auto& submap : all)
+    submaps.push_back(std::make_shared<const PlacedSubmap>(Placed(submaps.size() + 1, submap)));
+  CancelToken cancel;
+  return Maintain(submaps, {SubmapId{all.size()}}, {}, cancel);
+}
+
+// Round the block for an hour: each round's submaps lie on two of the first round's. What went into
+// one of them with all its cells grew it over its neighbour, round by round.
+TEST(Maintain, NoGroundIsStoredTwice) {
+  const auto first = Square("a", 1, 0, 0), second = Square("a", 2, 40, 0);
+  const Maintenance result = MaintainLast({first, second, Square("a", 3, 15, 0)});
+  ASSERT_EQ(result.num_merged, 1u);
+  ASSERT_EQ(result.submaps.size(), 2u);
+  for (const auto& placed : result.submaps) {
+    EXPECT_EQ(placed->submap->num_cells(), 40u * 40);
+    EXPECT_EQ(placed->submap->last_stamp_ns(), 3 * kSecond_ns) << "both were seen again";
+  }
+}
+
+TEST(Maintain, WhatLiesOnSeveralIsMergedIntoTheOneThatKnowsTheMostOfIt) {
+  // A third on each, and a strip of 10 cells beside them that nobody knows yet.
+  const auto across = MakeSubmap("a", 3 * kSecond_ns, {}, {{25, -10}, {53, 40}}, Flat(0));
+  const auto gap = MakeSubmap("a", 2 * kSecond_ns, {}, {{40, 0}, {80, 40}}, Flat(0));
+  const PlacedSubmap one = Placed(1, Square("a", 1, 0, 0));
+  EXPECT_FALSE(ShouldMerge(one, Placed(3, across), {}));
+  EXPECT_FALSE(ShouldMerge(Placed(2, gap), Placed(3, across), {}));
+  const Maintenance result = MaintainLast({one.submap, gap, across});
+  ASSERT_EQ(result.submaps.size(), 2u);
+  EXPECT_EQ(result.submaps[0]->submap->num_cells(), 40u * 40 + 28u * 10) << "with the new strip";
+  EXPECT_EQ(result.submaps[1]->submap->num_cells(), 40u * 40);
 }
 
 TEST(Maintain, DoesNotDependOnTheOrderOfArrival) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <random>
 #include <set>
@@ -120,6 +121,24 @@ TEST(SubmapDeathTest, ACellTwiceIsAnError) {
 TEST(SubmapDeathTest, CellsTooFarApartAreAnError) {
   EXPECT_DEATH(Submap({}, {{{0, 0}, Cell(0, 0)}, {{kSubmapSideCells_max, 0}, Cell(1, 0)}}),
                "check failed");
+}
+
+TEST(Submap, KnowsItsPartsWhateverTheOrderOfItsCells) {
+  // 40 m along x: 200 cells are 13 groups, in parts of two.
+  const auto submap = MakeSubmap("a", 7'000'000, {}, {{0, 0}, {200, 16}}, Flat(1.5f));
+  ASSERT_EQ(submap->parts().size(), 7u);
+  const SubmapPart& first = submap->parts().front();
+  EXPECT_NEAR(first.middle.x(), 3.2, 1e-6) << "the middle of 32 cells of 0.2 m";
+  EXPECT_NEAR(first.middle.y(), 1.6, 1e-6);
+  EXPECT_NEAR(first.middle.z(), 1.5, 1e-6);
+  EXPECT_EQ(first.num_cells, 32 * 16);
+  EXPECT_EQ(first.stamp_ns, 7'000'000);
+
+  std::vector<KeyedSubmapCell> cells = submap->Cells();
+  std::reverse(cells.begin(), cells.end());
+  const Submap reversed(submap->origin(), cells);
+  for (std::size_t i = 0; i < reversed.parts().size(); ++i)
+    EXPECT_EQ(reversed.parts()[i].middle.xyz(), submap->parts()[i].middle.xyz());
 }
 
 }  // namespace

@@ -120,8 +120,8 @@ TEST(Sight, IsEveryBinWhoseDirectionsAllMeetTheCell) {
 bool Clears(const std::vector<Eigen::Vector3f>& ends, float x_m, float y_m, float height_m) {
   RayTable table(kBins);
   table.Reset(kBins.range - 1);
-  for (const Eigen::Vector3f& end : ends) table.Add(&end.x(), &end.y(), &end.z(), 1);
-  table.Complete();
+  for (const Eigen::Vector3f& end : ends) table.Add(RayTo(end.x(), end.y(), end.z(), kBins));
+  table.Complete(WidestVectorSet());
   return table.AllPassBelow(SightOf(x_m, y_m, kBins), kSensor_m, height_m);
 }
 
@@ -228,9 +228,9 @@ TEST(Clear, FindsNearlyAllCellsThatExactGeometryClears) {
   std::vector<Eigen::Vector3f> ends;
   for (const ScanPoint& p : points) {
     ends.emplace_back(p.x_m, p.y_m, p.z_m);
-    table.Add(&p.x_m, &p.y_m, &p.z_m, 1);
+    table.Add(RayTo(p.x_m, p.y_m, p.z_m, kBins));
   }
-  table.Complete();
+  table.Complete(WidestVectorSet());
   int exact = 0, found = 0;
   for (const float ghost_m : {0.3f, 0.8f, 1.6f}) {
     for (int row = -20; row < 20; row += 3) {

@@ -1,0 +1,129 @@
+#include "core/local/cpu/hit_lanes.h"
+
+#include <algorithm>
+#include <array>
+
+namespace gem::cpu {
+namespace {
+
+// Marks where the next hit of a long cell goes.
+constexpr std::uint32_t kLongBit = 1u << 31;
+
+}  // namespace
+
+HitLanes::HitLanes(std::size_t num_cells)
+    : listed_(num_cells),
+      listed_count_(num_cells),
+      cells_(num_cells),
+      counts_(num_cells),
+      begins_(num_cells),
+      rank_of_cell_(num_cells) {}
+
+void HitLanes::Sort(std::span<MeasuredPart> parts) {
+  is_colored_ = false;
+  for (const MeasuredPart& part : parts) is_colored_ = is_colored_ || part.is_colored;
+  ListCells(parts);
+  RankCells();
+  PlaceCells();
+  // A part's hits of a cell come after those of earlier parts.
+  for (std::size_t rank = 0; rank < num_cells_; ++rank) {
+    const bool is_long = rank < num_long_;
+    std::uint32_t next = begins_[rank] | (is_long ? kLongBit : 0);
+    for (MeasuredPart& part : parts) {
+      std::uint32_t& count = part.count_of_cell[cells_[rank]];
+      const std::uint32_t begin = next;
+      next += count * 2 * (is_long ? 1u : std::uint32_t{kLanes});
+      count = begin;
+    }
+  }
+  for (MeasuredPart& part : parts) Deal(part);
+  for (std::size_t rank = 0; rank < num_cells_; ++rank) {
+    for (MeasuredPart& part : parts) part.count_of_cell[cells_[rank]] = 0;
+  }
+}
+
+void HitLanes::Clear() {
+  for (std::size_t rank = 0; rank < num_cells_; ++rank) rank_of_cell_[cells_[rank]] = 0;
+  num_cells_ = num_long_ = 0;
+}
+
+void HitLanes::ListCells(std::span<MeasuredPart> parts) {
+  num_cells_ = 0;
+  for (const MeasuredPart& part : parts) {
+    for (std::size_t i = 0; i < part.num_touched; ++i) {
+      const std::uint32_t cell = part.touched[i];
+      if (rank_of_cell_[cell] != 0) continue;  // an earlier part touched it as well
+      rank_of_cell_[cell] = 1;
+      std::uint32_t count = 0;
+      for (const MeasuredPart& any : parts) count += any.count_of_cell[cell];
+      listed_[num_cells_] = cell;
+      listed_count_[num_cells_++] = count;
+    }
+  }
+}
+
+// Counting sort by descending number of hits.
+void HitLanes::RankCells() {
+  std::array<std::uint32_t, kLongCount + 1> begins{};
+  const auto bucket_of = [](std::uint32_t count) {
+    return count < kLongCount ? kLongCount - count : 0;
+  };
+  for (std::size_t i = 0; i < num_cells_; ++i) ++begins[bucket_of(listed_count_[i])];
+  num_long_ = begins[0];
+  std::uint32_t rank = 0;
+  for (std::uint32_t& begin : begins) {
+    const std::uint32_t size = begin;
+    begin = rank;
+    rank += size;
+  }
+  for (std::size_t i = 0; i < num_cells_; ++i) {
+    const std::uint32_t at = begins[bucket_of(listed_count_[i])]++;
+    cells_[at] = listed_[i];
+    counts_[at] = listed_count_[i];
+    rank_of_cell_[listed_[i]] = at + 1;
+  }
+}
+
+void HitLanes::PlaceCells() {
+  std::size_t size = 0;
+  for (std::size_t rank = 0; rank < num_long_; ++rank) {
+    begins_[rank] = static_cast<std::uint32_t>(size);
+    size += 2 * counts_[rank];
+  }
+  for (std::size_t first = num_long_; first < num_cells_; first += kLanes) {
+    const std::size_t end = std::min(first + kLanes, num_cells_);
+    for (std::size_t rank = first; rank < end; ++rank) {
+      begins_[rank] = static_cast<std::uint32_t>(size + rank - first);
+    }
+    size += 2 * kLanes * counts_[first];  // the longest of the group
+  }
+  if (heights_.size() < size) heights_.resize(size);
+  if (is_colored_ && rgba_.size() < size) rgba_.resize(heights_.size());
+}
+
+void HitLanes::Deal(MeasuredPart& part) {
+  float* heights = heights_.data();
+  std::uint32_t* next = part.count_of_cell.data();
+  for (std::size_t i = 0; i < part.num_hits; ++i) {
+    const std::uint32_t marked = next[part.cell[i]];
+    const std::uint32_t lanes = (marked & kLongBit) != 0 ? 1 : kLanes;
+    next[part.cell[i]] = marked + 2 * lanes;
+    const std::uint32_t at = marked & ~kLongBit;
+    heights[at] = part.height[i].elevation_m;
+    heights[at + lanes] = part.height[i].variance_m2;
+    if (is_colored_) rgba_[at] = part.rgba[i];
+  }
+}
+
+std::span<const Hit> HitLanes::HitsOf(std::size_t rank) {
+  const std::size_t lanes = rank < num_long_ ? 1 : kLanes;
+  const std::size_t count = counts_[rank];
+  if (hits_.size() < count) hits_.resize(heights_.size() / 2);
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t at = begins_[rank] + k * 2 * lanes;
+    hits_[k] = {{heights_[at], heights_[at + lanes]}, is_colored_ ? rgba_[at] : 0};
+  }
+  return {hits_.data(), count};
+}
+
+}  // namespace gem::cpu

@@ -1,0 +1,68 @@
+// Annotates the cells around changed ones, row by row. The plane fits of a row share the sums over
+// their columns, and run side by side in the lanes of the vectors.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/base/vector_set.h"
+#include "core/local/annotate.h"
+#include "core/local/cpu/layers.h"
+#include "core/local/ring_window.h"
+
+namespace gem::cpu {
+
+/// Buffers of one thread.
+class PlaneRows {
+ public:
+  explicit PlaneRows(std::int32_t side_cells);
+
+  /// Annotates the known cells of rows [row_begin, row_end) that lie in the neighbourhood of a
+  /// changed cell. changed: 0 or 1 by window index. Heights are fitted relative to reference_m.
+  void Annotate(VectorSet set, const RingWindow& window, float reference_m,
+                const LocalMapOptions& options, std::span<const std::uint8_t> changed,
+                std::int32_t row_begin, std::int32_t row_end, Layers& layers);
+
+ private:
+  static constexpr std::int32_t kRows = 2 * kPlaneRadius_cells + 1;
+
+  // A row of the window with a margin, so that neighbourhoods need not ask where it ends; cells
+  // outside are unknown. Index: column + kPlaneRadius_cells.
+  struct Row {
+    std::int32_t row = -1;            // of the window; -1: none
+    std::vector<double> height_m;     // relative to the reference; 0 if unknown
+    std::vector<std::int32_t> known;  // 0 or 1
+  };
+
+  bool FindDirty(std::span<const std::uint8_t> changed, std::int32_t row);
+  const Row& RowAt(std::int32_t row);
+  void AnnotateRow(std::int32_t row);
+  void SumColumns(std::int32_t row, std::int32_t begin, std::int32_t end);
+  void FitCells(std::int32_t begin, std::int32_t end);
+  void Store(std::int32_t row, std::int32_t begin, std::int32_t end);
+
+  // Constant after construction.
+  const std::int32_t side_cells_;
+
+  // Of the call in hand.
+  const RingWindow* window_ = nullptr;
+  const LocalMapOptions* options_ = nullptr;
+  Layers* layers_ = nullptr;
+  float reference_m_ = 0;
+
+  std::array<Row, kRows> rows_;  // row r is in rows_[r % kRows]
+  Row outside_;
+  std::vector<std::uint8_t> near_rows_;  // with margin: a change in the column, at most 2 rows away
+  std::vector<std::uint8_t> dirty_;      // by column; a margin of zeros behind
+
+  // Of the row in hand: sums by column, with margin.
+  std::vector<std::int32_t> count_, y_, yy_;
+  std::vector<double> z_, yz_, zz_;
+  // Of the row in hand: annotations by column.
+  std::vector<std::int32_t> valid_;
+  std::vector<float> slope_rad_, roughness_m_, traversability_;
+};
+
+}  // namespace gem::cpu
