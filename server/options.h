@@ -22,6 +22,7 @@ struct ServerOptions {
   /// Least severe messages that are logged: trace, debug, info, warn, error.
   std::string log_level = "info";
 
+  /// Where there is no device for kCuda or kAuto, the server says so once and takes kCpu.
   LocalBackend backend = LocalBackend::kCpu;
   /// Defaults of sessions that do not say otherwise.
   LocalMapOptions local_map;
