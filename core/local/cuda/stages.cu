@@ -179,24 +179,27 @@ GEM_KERNEL FuseCells(DeviceLayers layers, DeviceWindow window, FuseTask task, De
 // A tile of the window and a rim around it, in shared memory. Known is what has a variance: state
 // is written while neighbours are read.
 struct HaloTile {
-  float* elevation_m;
+  ColumnSums* columns;  // by row of the tile, then column of the halo
+  float* elevation_m;   // by row and column of the halo, as the rest
   std::uint8_t* known;
   std::uint8_t* changed;
 };
-constexpr std::size_t kHaloBytes = kHaloCells * (sizeof(float) + 2);
+constexpr std::size_t kColumnsBytes = kTileRows * kHaloColumns * sizeof(ColumnSums);
+constexpr std::size_t kHaloBytes = kColumnsBytes + kHaloCells * (sizeof(float) + 2);
 
-GEM_DEVICE inline std::uint32_t NeighbourOf(std::uint32_t i, std::int32_t dx, std::int32_t dy) {
-  return static_cast<std::uint32_t>(static_cast<std::int32_t>(i) +
-                                    dy * static_cast<std::int32_t>(kHaloColumns) + dx);
+GEM_DEVICE inline std::uint32_t ThreadInTile() {
+  return gpu::ThreadIndex().y * kTileColumns + gpu::ThreadIndex().x;
 }
+constexpr std::uint32_t kTileThreads = kTileColumns * kTileRows;
 
 GEM_DEVICE inline HaloTile LoadTile(const DeviceLayers& layers, const DeviceWindow& window,
                                     const std::uint8_t* changed) {
   auto* bytes = static_cast<std::uint8_t*>(gpu::SharedBytes());
-  const HaloTile tile{static_cast<float*>(gpu::SharedBytes()), bytes + kHaloCells * sizeof(float),
-                      bytes + kHaloCells * (sizeof(float) + 1)};
-  const std::uint32_t thread = gpu::ThreadIndex().y * kTileColumns + gpu::ThreadIndex().x;
-  for (std::uint32_t i = thread; i < kHaloCells; i += kTileColumns * kTileRows) {
+  auto* elevation_m = reinterpret_cast<float*>(bytes + kColumnsBytes);
+  auto* known = bytes + kColumnsBytes + kHaloCells * sizeof(float);
+  const HaloTile tile{static_cast<ColumnSums*>(gpu::SharedBytes()), elevation_m, known,
+                      known + kHaloCells};
+  for (std::uint32_t i = ThreadInTile(); i < kHaloCells; i += kTileThreads) {
     const Place place{
         static_cast<std::int32_t>(gpu::BlockIndex().x * kTileColumns + i % kHaloColumns) -
             kPlaneRadius_cells,
@@ -214,26 +217,25 @@ GEM_DEVICE inline HaloTile LoadTile(const DeviceLayers& layers, const DeviceWind
   return tile;
 }
 
-// Sums over the 5x5 neighbourhood of the thread's cell, in the order that every backend takes.
-GEM_DEVICE inline PlaneSums SumAround(const HaloTile& tile, std::uint32_t middle,
-                                      double reference_m) {
-  PlaneSums sums;
-  for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
+// Cells beside each other share columns: doubles are what most devices are slowest at.
+GEM_DEVICE inline void SumColumns(const HaloTile& tile, double reference_m) {
+  for (std::uint32_t i = ThreadInTile(); i < kTileRows * kHaloColumns; i += kTileThreads) {
     ColumnSums column;
     for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
-      const std::uint32_t i = NeighbourOf(middle, dx, dy);
-      column.Add(dy, tile.known[i] != 0, tile.elevation_m[i] - reference_m);
+      const std::uint32_t cell =
+          i + static_cast<std::uint32_t>(dy + kPlaneRadius_cells) * kHaloColumns;
+      column.Add(dy, tile.known[cell] != 0, tile.elevation_m[cell] - reference_m);
     }
-    sums.Add(dx, column);
+    tile.columns[i] = column;
   }
-  return sums;
+  gpu::SyncThreads();
 }
 
-GEM_DEVICE inline bool AnyChangedAround(const HaloTile& tile, std::uint32_t middle) {
+GEM_DEVICE inline bool AnyChangedAround(const HaloTile& tile, std::uint32_t lower_left) {
   std::uint32_t any_changed = 0;
-  for (std::int32_t dy = -kPlaneRadius_cells; dy <= kPlaneRadius_cells; ++dy) {
-    for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
-      any_changed |= tile.changed[NeighbourOf(middle, dx, dy)];
+  for (std::uint32_t dy = 0; dy <= 2 * kHalo; ++dy) {
+    for (std::uint32_t dx = 0; dx <= 2 * kHalo; ++dx) {
+      any_changed |= tile.changed[lower_left + dy * kHaloColumns + dx];
     }
   }
   return any_changed != 0;
@@ -242,13 +244,19 @@ GEM_DEVICE inline bool AnyChangedAround(const HaloTile& tile, std::uint32_t midd
 GEM_KERNEL AnnotateCells(DeviceLayers layers, DeviceWindow window, LocalMapOptions options,
                          float reference_m, const std::uint8_t* changed) {
   const HaloTile tile = LoadTile(layers, window, changed);
+  SumColumns(tile, static_cast<double>(reference_m));
   const gpu::Dim thread = gpu::ThreadIndex();
   const Place place{static_cast<std::int32_t>(gpu::BlockIndex().x * kTileColumns + thread.x),
                     static_cast<std::int32_t>(gpu::BlockIndex().y * kTileRows + thread.y)};
-  const std::uint32_t middle = (thread.y + kHalo) * kHaloColumns + thread.x + kHalo;
+  // Of the neighbourhood; also the number of its leftmost column.
+  const std::uint32_t lower_left = thread.y * kHaloColumns + thread.x;
+  const std::uint32_t middle = lower_left + kHalo * kHaloColumns + kHalo;
   if (!window.Contains(place) || tile.known[middle] == 0) return;
-  if (!AnyChangedAround(tile, middle)) return;
-  const PlaneSums sums = SumAround(tile, middle, static_cast<double>(reference_m));
+  if (!AnyChangedAround(tile, lower_left)) return;
+  PlaneSums sums;
+  for (std::int32_t dx = -kPlaneRadius_cells; dx <= kPlaneRadius_cells; ++dx) {
+    sums.Add(dx, tile.columns[lower_left + static_cast<std::uint32_t>(dx + kPlaneRadius_cells)]);
+  }
   StoreAnnotation(layers, window.SlotOf(place), AnnotationOf(sums, options));
 }
 
