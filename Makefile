@@ -2,7 +2,7 @@
 JOBS ?= 2
 export CTEST_OUTPUT_ON_FAILURE = 1
 
-.PHONY: all build demo evaluate test test-asan test-tsan test-deploy lint format tidy deps clean help
+.PHONY: all build demo evaluate bench test test-asan test-tsan test-deploy lint format tidy deps clean help
 
 all: build
 
@@ -11,6 +11,7 @@ help:
 	@echo "make demo       build, simulate a robot, close a loop; pictures and timings in out/"
 	@echo "make test       build and run all tests"
 	@echo "make evaluate   rerun the paper's experiments; EVALUATION.md and plots (half an hour)"
+	@echo "make bench      reproduce the figures of PERFORMANCE.md (minutes; GEM_DATA_DIR names the recordings)"
 	@echo "make lint       check formatting, clang-tidy, protobuf style"
 	@echo "make format     format all sources"
 	@echo "make test-asan  tests under AddressSanitizer and UndefinedBehaviorSanitizer, fuzzer seeds"
@@ -32,6 +33,9 @@ demo: build
 
 evaluate: build
 	deploy/evaluate.sh build/release/bin
+
+bench: build
+	deploy/bench.sh build/release/bin
 
 test: build
 	cd build/release && ctest

@@ -24,6 +24,9 @@ struct ServerOptions {
 
   /// Where there is no device for kCuda or kAuto, the server says so once and takes kCpu.
   LocalBackend backend = LocalBackend::kCpu;
+  /// Threads that work on one scan of a session; the map is the same for any number. One serves the
+  /// most robots per core, more the fastest scan of a single robot. Range [1, 64].
+  int local_threads = 1;
   /// Defaults of sessions that do not say otherwise.
   LocalMapOptions local_map;
   /// Defaults of maps that do not say otherwise.

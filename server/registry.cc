@@ -94,6 +94,7 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::AddSessionLocked(
   SessionConfig config;
   config.setup = setup;
   config.backend = options_.backend;
+  config.local_threads = options_.local_threads;
   config.local_map = setup.local_map.Over(options_.local_map);
   config.local_map.cell_size_m = (*map)->options().cell_size_m;
   config.local_map.traversability_free = (*map)->options().traversability_free;

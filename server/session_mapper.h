@@ -32,6 +32,7 @@ namespace gem {
 struct SessionConfig {
   wire::SessionSetup setup;
   LocalBackend backend = LocalBackend::kCpu;
+  int local_threads = 1;
   LocalMapOptions local_map;
   GlobalMapOptions map;
   wire::ScanLimits scan_limits;

@@ -69,6 +69,7 @@ std::vector<Setting> MakeSettings() {
       GEM_SETTING("reflection", reflection, "clients may ask which services there are"),
       GEM_SETTING("log_level", log_level, "trace, debug, info, warn or error"),
       GEM_SETTING("backend", backend, "local mapper: auto, cpu, cuda or reference"),
+      GEM_SETTING("local_threads", local_threads, "threads that work on one scan of a session"),
 
       GEM_SETTING("map.cell_size_m", map.cell_size_m, "edge of a cell of new maps, m"),
       GEM_SETTING("map.submap_length_m", map.submap_length_m, "path of one submap, m"),

@@ -29,11 +29,6 @@ struct BenchFlags {
 };
 
 absl::Status RunBench(BenchFlags flags) {
-  // Accepted so that scripts need not know which backends have threads.
-  if (flags.threads != 1) {
-    return absl::InvalidArgumentError(absl::StrCat("--threads is ", flags.threads, ", want 1: the ",
-                                                   flags.backend, " backend runs on one thread"));
-  }
   GEM_ASSIGN_OR_RETURN(LocalBackend backend, ParseLocalBackend(flags.backend));
   if (backend == LocalBackend::kAuto) {
     const BackendChoice choice = ChooseLocalBackend(backend);
@@ -43,8 +38,9 @@ absl::Status RunBench(BenchFlags flags) {
   }
   GEM_ASSIGN_OR_RETURN(flags.kitti.pose_frame, ParseKittiPoseFrame(flags.pose_frame));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<KittiSource> source, KittiSource::Open(flags.kitti));
-  GEM_ASSIGN_OR_RETURN(const LocalBench bench,
-                       evaluation::BenchLocal(*source, backend, flags.map, flags.num_scans_max));
+  GEM_ASSIGN_OR_RETURN(
+      const LocalBench bench,
+      evaluation::BenchLocal(*source, backend, flags.map, flags.num_scans_max, flags.threads));
   std::fputs((flags.json ? BenchJson(bench) : BenchTable(bench)).c_str(), stdout);
   return absl::OkStatus();
 }

@@ -36,9 +36,9 @@ Distribution_ms DistributionOf(std::vector<double> values_ms) {
 
 absl::StatusOr<std::vector<ScanTiming>> TimeScans(ScanSource& source, LocalBackend backend,
                                                   const LocalMapOptions& options,
-                                                  std::size_t num_scans_max) {
+                                                  std::size_t num_scans_max, int threads) {
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<LocalMapper> mapper,
-                       MakeLocalMapper(backend, options));
+                       MakeLocalMapper(backend, options, threads));
   SourceScan from;
   Scan scan;
   scan.T_B_S = source.T_B_S();
@@ -100,9 +100,10 @@ LocalBench Summarise(LocalBackend backend, const LocalMapOptions& options,
 }
 
 absl::StatusOr<LocalBench> BenchLocal(ScanSource& source, LocalBackend backend,
-                                      const LocalMapOptions& options, std::size_t num_scans_max) {
+                                      const LocalMapOptions& options, std::size_t num_scans_max,
+                                      int threads) {
   GEM_ASSIGN_OR_RETURN(const std::vector<ScanTiming> scans,
-                       TimeScans(source, backend, options, num_scans_max));
+                       TimeScans(source, backend, options, num_scans_max, threads));
   return Summarise(backend, options, scans);
 }
 

@@ -41,13 +41,14 @@ struct ScanTiming {
 /// has none. Reading a scan from its file is not timed.
 absl::StatusOr<std::vector<ScanTiming>> TimeScans(ScanSource& source, LocalBackend backend,
                                                   const LocalMapOptions& options,
-                                                  std::size_t num_scans_max);
+                                                  std::size_t num_scans_max, int threads = 1);
 
 LocalBench Summarise(LocalBackend backend, const LocalMapOptions& options,
                      const std::vector<ScanTiming>& scans);
 
 /// Times the scans and summarises them. Errors are those of TimeScans().
 absl::StatusOr<LocalBench> BenchLocal(ScanSource& source, LocalBackend backend,
-                                      const LocalMapOptions& options, std::size_t num_scans_max);
+                                      const LocalMapOptions& options, std::size_t num_scans_max,
+                                      int threads = 1);
 
 }  // namespace gem::evaluation

@@ -65,10 +65,11 @@ struct PlaneSums {
   }
 };
 
-/// A fitted plane: rise per cell along x and y, and the standard deviation of heights about it.
+/// A fitted plane: rise per cell along x and y, and the squares of the heights about it, times the
+/// count.
 struct PlaneFit {
-  double rise_x_m = 0, rise_y_m = 0;
-  float roughness_m = 0;
+  float rise_x_m = 0, rise_y_m = 0;
+  float squares_m2 = 0;
 };
 
 /// Second moments of the places about their mean, times the count: exact integers.
@@ -96,17 +97,19 @@ GEM_HOST_DEVICE inline PlaneFit FitPlane(const PlaneSums& sums) {
   const double xz = n * sums.xz - sums.x * sums.z;
   const double yz = n * sums.yz - sums.y * sums.z;
   const double zz = n * sums.zz - sums.z * sums.z;
-  PlaneFit fit;
-  fit.rise_x_m = (places.yy * xz - places.xy * yz) * inverse;
-  fit.rise_y_m = (places.xx * yz - places.xy * xz) * inverse;
+  const double rise_x_m = (places.yy * xz - places.xy * yz) * inverse;
+  const double rise_y_m = (places.xx * yz - places.xy * xz) * inverse;
+  return {static_cast<float>(rise_x_m), static_cast<float>(rise_y_m),
+          static_cast<float>(zz - rise_x_m * xz - rise_y_m * yz)};
+}
+
+/// Standard deviation of `count` heights about their plane.
+GEM_HOST_DEVICE inline float RoughnessOf(const PlaneFit& fit, std::int32_t count) {
   // Three heights are spent on the plane, so that the figure does not shrink where few are known.
-  const std::int32_t freedom = n - 3;
-  const auto squares_m2 =
-      static_cast<float>(zz - fit.rise_x_m * xz - fit.rise_y_m * yz);  // times the count
-  // Rounding may leave an exact plane a hair below zero.
-  const float rest_m2 = ((freedom > 0) & (squares_m2 > 0.0f)) ? squares_m2 : 0.0f;
-  fit.roughness_m = std::sqrt(rest_m2 / static_cast<float>(freedom > 0 ? n * freedom : 1));
-  return fit;
+  const std::int32_t freedom = count - 3;
+  const bool is_rough = (freedom > 0) & (fit.squares_m2 > 0.0f);  // rounding may leave less than 0
+  const float squares_m2 = is_rough ? fit.squares_m2 : 0.0f;
+  return std::sqrt(squares_m2 / static_cast<float>(freedom > 0 ? count * freedom : 1));
 }
 
 /// Angle whose tangent is t >= 0, radians, to 3e-7. Additions, products, quotients and roots only:
@@ -137,9 +140,8 @@ GEM_HOST_DEVICE inline float TraversabilityOf(float slope_rad, float roughness_m
 }
 
 GEM_HOST_DEVICE inline float SlopeOf(const PlaneFit& fit, float cell_size_m) {
-  const auto rise_x_m = static_cast<float>(fit.rise_x_m);
-  const auto rise_y_m = static_cast<float>(fit.rise_y_m);
-  return AngleOfTangent(std::sqrt(rise_x_m * rise_x_m + rise_y_m * rise_y_m) / cell_size_m);
+  const float rise_m = std::sqrt(fit.rise_x_m * fit.rise_x_m + fit.rise_y_m * fit.rise_y_m);
+  return AngleOfTangent(rise_m / cell_size_m);
 }
 
 /// The annotation of the cell in the middle; all zero without a plane.
@@ -149,7 +151,7 @@ GEM_HOST_DEVICE inline Annotation AnnotationOf(const PlaneSums& sums,
   if (!HasPlane(sums, options.plane_cells_min)) return annotation;
   const PlaneFit fit = FitPlane(sums);
   annotation.slope_rad = SlopeOf(fit, options.cell_size_m);
-  annotation.roughness_m = fit.roughness_m;
+  annotation.roughness_m = RoughnessOf(fit, sums.count);
   annotation.traversability =
       TraversabilityOf(annotation.slope_rad, annotation.roughness_m, options);
   annotation.valid = true;

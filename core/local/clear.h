@@ -112,10 +112,10 @@ GEM_HOST_DEVICE inline CellSight SightOf(float x_m, float y_m, const RayBins& bi
   sight.range_bin_min = static_cast<std::int32_t>(in_sight ? far_bin : 0.0f) + 1;
 
   // The two corners that bound the square's angle: clockwise-most and counter-clockwise-most.
-  const float start_x = above | (!below & !right) ? x1 : x0;
-  const float start_y = right | (!left & above) ? y0 : y1;
-  const float end_x = above | (!below & right) ? x0 : x1;
-  const float end_y = right | (!left & !above) ? y1 : y0;
+  const float start_x = (above | (!below & !right)) ? x1 : x0;
+  const float start_y = (right | (!left & above)) ? y0 : y1;
+  const float end_x = (above | (!below & right)) ? x0 : x1;
+  const float end_y = (right | (!left & !above)) ? y1 : y0;
   const float start = AzimuthOf(start_x, start_y, bins);
   const float end = AzimuthOf(end_x, end_y, bins);
   const float end_after_start = end < start ? end + static_cast<float>(bins.azimuth) : end;

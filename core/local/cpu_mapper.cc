@@ -1,12 +1,14 @@
 #include "core/local/cpu_mapper.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "core/base/stopwatch.h"
+#include "core/base/thread_team.h"
 #include "core/base/vector_set.h"
 #include "core/local/clear.h"
-#include "core/local/cpu/fuse_lanes.h"
+#include "core/local/cpu/fuse_cells.h"
 #include "core/local/cpu/hit_lanes.h"
 #include "core/local/cpu/layers.h"
 #include "core/local/cpu/plane_rows.h"
@@ -19,26 +21,48 @@
 namespace gem {
 namespace {
 
+using cpu::FuseTarget;
 using cpu::HitLanes;
-using cpu::LaneCells;
 using cpu::Layers;
 using cpu::MeasuredPart;
-using cpu::Place;
+
+// Points that a thread measures before it looks for more.
+constexpr std::size_t kRun = 8192;
+
+// What one thread of the team works with.
+struct Desk {
+  explicit Desk(const RingWindow& window)
+      : sorted(window.num_cells()), planes(window.side_cells()), candidates(window.num_cells()) {
+    cleared.reserve(window.num_cells());
+  }
+
+  // A band of rows is this desk's: the same thread sorts, fuses, annotates and clears there, so
+  // that its cells stay in its cache.
+  Piece rows{0, 0};
+  HitLanes sorted;
+  std::vector<Hit> hits;  // of one cell
+  cpu::PlaneRows planes;
+  cpu::ClearCandidates candidates;
+  std::vector<Place> cleared;
+  ScanReport report;  // of its share of the cells
+};
 
 class CpuMapper final : public LocalMapper {
  public:
-  explicit CpuMapper(const LocalMapOptions& options)
+  CpuMapper(const LocalMapOptions& options, int threads, VectorSet set)
       : options_(options),
         limits_(FuseLimitsOf(options)),
-        set_(WidestVectorSet()),
+        set_(set),
+        team_(threads),
         window_(SideCells(options)),
         layers_(window_.num_cells()),
-        hits_(window_.num_cells()),
-        changed_(window_.num_cells()),
-        planes_(window_.side_cells()),
-        candidates_(window_.num_cells()) {
-    parts_.emplace_back(window_.num_cells(), RayBinsOf(window_.side_cells(), options.cell_size_m));
-    cleared_.reserve(window_.num_cells());
+        changed_(window_.num_cells()) {
+    const RayBins bins = RayBinsOf(window_.side_cells(), options.cell_size_m);
+    for (int i = 0; i < threads; ++i) {
+      parts_.emplace_back(window_.num_cells(), bins);
+      desks_.emplace_back(window_);
+      desks_.back().rows = PieceOf(static_cast<std::size_t>(window_.side_cells()), i, threads);
+    }
   }
 
   ScanReport FuseScan(const Scan& scan, std::vector<EvictedCell>& evicted) override {
@@ -67,34 +91,27 @@ class CpuMapper final : public LocalMapper {
   }
 
  private:
-  Place PlaceOf(std::uint32_t index) const {
-    const auto side = static_cast<std::uint32_t>(window_.side_cells());
-    return {static_cast<std::int16_t>(index % side), static_cast<std::int16_t>(index / side)};
-  }
-  std::uint32_t IndexOf(Place place) const {
-    return static_cast<std::uint32_t>(place.row * window_.side_cells() + place.column);
-  }
-  std::uint32_t SlotOf(Place place) const { return window_.SlotAt(place.column, place.row); }
-
   void EvictColumns(std::int32_t row, std::int32_t begin, std::int32_t end,
                     std::vector<EvictedCell>& evicted);
   void Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanReport& report);
   void GrowVariances(const Scan& scan);
   std::int32_t RangeBinLimit() const;
   void Measure(std::span<const ScanPoint> points, ScanReport& report);
-  void LoadGroup(std::size_t first_rank, std::size_t count, LaneCells& cells) const;
-  void StoreGroup(std::size_t first_rank, std::size_t count, const LaneCells& cells,
-                  ScanReport& report);
-  FuseOutcome FuseInto(std::size_t rank);
+  FuseTarget Target() {
+    return {set_,      window_, frame_,  limits_, options_.traversability_free,
+            stamp_ns_, layers_, changed_};
+  }
   void Fuse(ScanReport& report);
   void AnnotateAroundChanged();
-  void FindCandidates();
+  void FindCleared();
   void Clear(ScanReport& report);
 
   // Constant after construction.
   const LocalMapOptions options_;
   const FuseLimits limits_;
   const VectorSet set_;
+
+  ThreadTeam team_;
 
   // The map.
   RingWindow window_;
@@ -106,13 +123,11 @@ class CpuMapper final : public LocalMapper {
 
   // Of the scan in hand; members only so that their memory is kept.
   ScanFrame frame_{};
-  std::vector<MeasuredPart> parts_;
-  HitLanes hits_;
+  std::vector<MeasuredPart> parts_;  // one of each thread
+  std::vector<Desk> desks_;          // one of each thread
+  std::vector<cpu::HitRun> runs_;    // by run of points
   // By window index, 0 or 1: a point of this scan is in the cell; later, what clearing changed.
   std::vector<std::uint8_t> changed_;
-  cpu::PlaneRows planes_;
-  cpu::ClearCandidates candidates_;
-  std::vector<Place> cleared_;
 };
 
 void CpuMapper::EvictColumns(std::int32_t row, std::int32_t begin, std::int32_t end,
@@ -188,7 +203,22 @@ std::int32_t CpuMapper::RangeBinLimit() const {
 
 void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
   const std::int32_t range_bin_limit = RangeBinLimit();
-  cpu::MeasurePoints(set_, frame_, points, range_bin_limit, parts_.front());
+  // Threads take runs of points as they come free: the team is still waking up when the first
+  // starts. What is made of the runs does not depend on who measured them.
+  const std::size_t num_runs = team_.size() == 1 ? 1 : (points.size() + kRun - 1) / kRun;
+  runs_.resize(num_runs);
+  std::atomic<std::size_t> next_run{0};
+  team_.Run([&](int i) {
+    MeasuredPart& part = parts_[static_cast<std::size_t>(i)];
+    cpu::BeginPart(points.size(), range_bin_limit, part);
+    for (std::size_t run = next_run++; run < num_runs; run = next_run++) {
+      const std::size_t begin = run * kRun;
+      const auto of_run = num_runs == 1
+                              ? points
+                              : points.subspan(begin).first(std::min(kRun, points.size() - begin));
+      runs_[run] = cpu::MeasurePoints(set_, frame_, of_run, range_bin_limit, part);
+    }
+  });
   report.points = points.size();
   for (const MeasuredPart& part : parts_) {
     const auto count = [&](PointFate fate) { return part.fates[static_cast<std::size_t>(fate)]; };
@@ -199,142 +229,78 @@ void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
   }
 }
 
-void CpuMapper::LoadGroup(std::size_t first_rank, std::size_t count, LaneCells& cells) const {
-  for (std::size_t lane = 0; lane < count; ++lane) {
-    const Place place = PlaceOf(hits_.CellOf(first_rank + lane));
-    const std::uint32_t slot = SlotOf(place);
-    cells.prior_m[lane] = layers_.elevation_m[slot];
-    cells.prior_m2[lane] = layers_.variance_m2[slot];
-    cells.pose_m2[lane] = PoseVarianceOfCell(frame_, place.column, place.row);
-    cells.known[lane] = layers_.known(slot) ? 1 : 0;
-    cells.is_free[lane] = layers_.IsFree(slot, options_.traversability_free) ? 1 : 0;
-    cells.count[lane] = static_cast<std::int32_t>(hits_.CountOf(first_rank + lane));
-  }
-  for (std::size_t lane = count; lane < HitLanes::kLanes; ++lane) {
-    cells.prior_m[lane] = cells.prior_m2[lane] = cells.pose_m2[lane] = 0;
-    cells.known[lane] = cells.is_free[lane] = cells.count[lane] = 0;
-  }
-}
-
-void CpuMapper::StoreGroup(std::size_t first_rank, std::size_t count, const LaneCells& cells,
-                           ScanReport& report) {
-  for (std::size_t lane = 0; lane < count; ++lane) {
-    const std::uint32_t index = hits_.CellOf(first_rank + lane);
-    const std::uint32_t slot = SlotOf(PlaceOf(index));
-    layers_.elevation_m[slot] = cells.elevation_m[lane];
-    layers_.variance_m2[slot] = cells.variance_m2[lane];
-    // The scan has no colours: a cell keeps its own unless it begins anew.
-    const bool begun = cells.begun[lane] != 0;
-    const unsigned kept = kCellAnnotated | (begun ? 0 : kCellColored);
-    layers_.rgba[slot] = begun ? 0 : layers_.rgba[slot];
-    layers_.state[slot] = static_cast<std::uint8_t>(kCellKnown | (layers_.state[slot] & kept));
-    const bool confirmed = cells.fused[lane] > 0;
-    layers_.observed_ns[slot] = confirmed ? stamp_ns_ : layers_.observed_ns[slot];
-    changed_[index] = confirmed ? 1 : 0;
-    report.points_fused += static_cast<std::uint64_t>(cells.fused[lane]);
-    report.points_gated +=
-        hits_.CountOf(first_rank + lane) - static_cast<std::uint64_t>(cells.fused[lane]);
-    report.cells_restarted += static_cast<std::uint64_t>(cells.restarted[lane]);
-    report.cells_inflated += static_cast<std::uint64_t>(cells.inflated[lane]);
-  }
-}
-
-FuseOutcome CpuMapper::FuseInto(std::size_t rank) {
-  const std::uint32_t index = hits_.CellOf(rank);
-  const Place place = PlaceOf(index);
-  const std::uint32_t slot = SlotOf(place);
-  CellFusion cell;
-  if (layers_.known(slot)) {
-    cell = UnpackCell({layers_.elevation_m[slot], layers_.variance_m2[slot]}, layers_.rgba[slot]);
-  }
-  const std::span<const Hit> hits = hits_.HitsOf(rank);
-  const FuseOutcome outcome =
-      FuseCell(cell, hits.data(), static_cast<std::uint32_t>(hits.size()),
-               layers_.IsFree(slot, options_.traversability_free),
-               PoseVarianceOfCell(frame_, place.column, place.row), limits_);
-  layers_.elevation_m[slot] = cell.height.elevation_m;
-  layers_.variance_m2[slot] = cell.height.variance_m2;
-  layers_.rgba[slot] = PackColor(cell);
-  layers_.state[slot] = static_cast<std::uint8_t>(
-      kCellKnown | (layers_.state[slot] & kCellAnnotated) | (cell.colored ? kCellColored : 0));
-  if (outcome.fused > 0) {
-    layers_.observed_ns[slot] = stamp_ns_;
-    changed_[index] = 1;
-  }
-  return outcome;
-}
-
 void CpuMapper::Fuse(ScanReport& report) {
-  hits_.Sort(parts_);
-  std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
-  // Long cells one by one, and all that have colours; the others side by side.
-  const std::size_t num_alone = hits_.is_colored() ? hits_.num_cells() : hits_.num_long();
-  for (std::size_t rank = 0; rank < num_alone; ++rank) {
-    const FuseOutcome outcome = FuseInto(rank);
-    report.points_fused += outcome.fused;
-    report.points_gated += outcome.gated;
-    report.cells_restarted += outcome.restarted ? 1 : 0;
-    report.cells_inflated += outcome.inflated ? 1 : 0;
-  }
-  if (hits_.is_colored()) return;
-  LaneCells cells;
-  for (std::size_t group = 0; group < hits_.num_groups(); ++group) {
-    const std::size_t first = hits_.FirstRankOf(group);
-    const std::size_t count = std::min(HitLanes::kLanes, hits_.num_cells() - first);
-    LoadGroup(first, count, cells);
-    cpu::FuseLanes(set_, hits_.HeightsOf(group), static_cast<std::int32_t>(hits_.CountOf(first)),
-                   limits_, cells);
-    StoreGroup(first, count, cells, report);
+  const FuseTarget target = Target();
+  const auto side = static_cast<std::size_t>(window_.side_cells());
+  team_.Run([&](int i) {
+    Desk& desk = desks_[static_cast<std::size_t>(i)];
+    const Piece cells{desk.rows.begin * side, desk.rows.end * side};
+    std::fill(changed_.data() + cells.begin, changed_.data() + cells.end, std::uint8_t{0});
+    desk.sorted.Sort(parts_, runs_, static_cast<std::uint32_t>(cells.begin),
+                     static_cast<std::uint32_t>(cells.end));
+    desk.report = ScanReport();
+    cpu::FuseCells(target, desk.sorted, desk.hits, desk.report);
+  });
+  for (const Desk& desk : desks_) {
+    report.points_fused += desk.report.points_fused;
+    report.points_gated += desk.report.points_gated;
+    report.cells_restarted += desk.report.cells_restarted;
+    report.cells_inflated += desk.report.cells_inflated;
   }
 }
 
 void CpuMapper::AnnotateAroundChanged() {
-  planes_.Annotate(set_, window_, frame_.sensor_z_m, options_, changed_, 0, window_.side_cells(),
-                   layers_);
+  team_.Run([&](int i) {
+    Desk& desk = desks_[static_cast<std::size_t>(i)];
+    desk.planes.Annotate(set_, window_, frame_.sensor_z_m, options_, changed_,
+                         static_cast<std::int32_t>(desk.rows.begin),
+                         static_cast<std::int32_t>(desk.rows.end), layers_);
+  });
 }
 
-// Known cells that no point of this scan confirmed.
-void CpuMapper::FindCandidates() {
-  std::size_t count = 0;
-  const auto side = static_cast<std::int16_t>(window_.side_cells());
-  for (std::int16_t row = 0; row < side; ++row) {
-    for (std::int16_t column = 0; column < side; ++column) {
-      const Place place{column, row};
-      const std::uint32_t slot = SlotOf(place);
-      candidates_.place[count] = place;
-      candidates_.elevation_m[count] = layers_.elevation_m[slot];
-      candidates_.variance_m2[count] = layers_.variance_m2[slot];
-      candidates_.is_free[count] = layers_.IsFree(slot, options_.traversability_free) ? 1 : 0;
-      count += layers_.known(slot) && changed_[IndexOf(place)] == 0 ? 1 : 0;
-    }
-  }
-  candidates_.count = count;
+// Leaves the cells to be cleared on the desks.
+void CpuMapper::FindCleared() {
+  RayTable& rays = parts_.front().rays;
+  const auto num_bins = static_cast<std::size_t>(rays.bins().azimuth);
+  team_.Run([&](int i) {
+    const Piece bins = PieceOf(num_bins, i, team_.size());
+    const auto begin = static_cast<std::int32_t>(bins.begin);
+    const auto end = static_cast<std::int32_t>(bins.end);
+    for (std::size_t k = 1; k < parts_.size(); ++k) rays.Merge(set_, parts_[k].rays, begin, end);
+    rays.Complete(set_, begin, end);
+    Desk& desk = desks_[static_cast<std::size_t>(i)];
+    cpu::FindCandidates(set_, window_, layers_, options_.traversability_free, changed_,
+                        static_cast<std::int32_t>(desk.rows.begin),
+                        static_cast<std::int32_t>(desk.rows.end), desk.candidates);
+  });
+  team_.Run([&](int i) {
+    Desk& desk = desks_[static_cast<std::size_t>(i)];
+    desk.cleared.clear();
+    cpu::FindPassedBelow(set_, rays, frame_, options_, desk.candidates, desk.cleared);
+  });
 }
 
 void CpuMapper::Clear(ScanReport& report) {
-  FindCandidates();
-  cleared_.clear();
-  if (candidates_.count > 0) {
-    parts_.front().rays.Complete(set_);
-    cpu::FindPassedBelow(set_, parts_.front().rays, frame_, options_, candidates_, 0,
-                         candidates_.count, cleared_);
-  }
-  report.cells_cleared = cleared_.size();
-  if (!cleared_.empty()) {
+  FindCleared();
+  for (const Desk& desk : desks_) report.cells_cleared += desk.cleared.size();
+  if (report.cells_cleared > 0) {
     std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
-    for (const Place place : cleared_) {
-      layers_.Forget(SlotOf(place));
-      changed_[IndexOf(place)] = 1;
-      const std::uint32_t rank = hits_.RankOf(IndexOf(place));
-      if (rank == 0) continue;
-      // The cell was not confirmed, so all its points were counted as gated.
-      const FuseOutcome outcome = FuseInto(rank - 1);
-      report.points_fused += outcome.fused;
-      report.points_gated -= outcome.fused;
+    for (Desk& desk : desks_) {
+      for (const Place place : desk.cleared) {
+        const std::uint32_t index = window_.IndexOf(place);
+        layers_.Forget(window_.SlotOf(place));
+        changed_[index] = 1;
+        const std::uint32_t rank = desk.sorted.RankOf(index);
+        if (rank == 0) continue;
+        // The cell was not confirmed, so all its points were counted as gated.
+        const FuseOutcome outcome = cpu::FuseRank(Target(), desk.sorted, rank - 1, desk.hits);
+        report.points_fused += outcome.fused;
+        report.points_gated -= outcome.fused;
+      }
     }
     AnnotateAroundChanged();
   }
-  hits_.Clear();
+  for (Desk& desk : desks_) desk.sorted.Clear();
 }
 
 void CpuMapper::CopyTo(LocalMap& map) const {
@@ -359,7 +325,11 @@ void CpuMapper::CopyTo(LocalMap& map) const {
       run(0, seam);
       run(seam, side);
     };
-    copy_row(layers_.state, map.state);
+    for (std::int32_t column = 0; column < side; ++column) {
+      map.state[window_.IndexOf(
+          {static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)})] =
+          layers_.StateAt(window_.SlotAt(column, row));
+    }
     copy_row(layers_.elevation_m, map.elevation_m);
     copy_row(layers_.variance_m2, map.variance_m2);
     copy_row(layers_.slope_rad, map.slope_rad);
@@ -372,8 +342,9 @@ void CpuMapper::CopyTo(LocalMap& map) const {
 
 }  // namespace
 
-std::unique_ptr<LocalMapper> MakeCpuMapper(const LocalMapOptions& options) {
-  return std::make_unique<CpuMapper>(options);
+std::unique_ptr<LocalMapper> MakeCpuMapper(const LocalMapOptions& options, int threads,
+                                           VectorSet set) {
+  return std::make_unique<CpuMapper>(options, threads, set);
 }
 
 }  // namespace gem

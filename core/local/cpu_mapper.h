@@ -4,11 +4,13 @@
 
 #include <memory>
 
+#include "core/base/vector_set.h"
 #include "core/local/local_mapper.h"
 
 namespace gem {
 
 /// The options are valid.
-std::unique_ptr<LocalMapper> MakeCpuMapper(const LocalMapOptions& options);
+std::unique_ptr<LocalMapper> MakeCpuMapper(const LocalMapOptions& options, int threads,
+                                           VectorSet set = WidestVectorSet());
 
 }  // namespace gem

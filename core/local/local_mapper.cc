@@ -9,17 +9,22 @@
 namespace gem {
 
 absl::StatusOr<std::unique_ptr<LocalMapper>> MakeLocalMapper(LocalBackend backend,
-                                                             const LocalMapOptions& options) {
+                                                             const LocalMapOptions& options,
+                                                             int threads) {
   GEM_RETURN_IF_ERROR(Validate(options));
+  if (threads < 1 || threads > kLocalThreadsMax) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("threads is ", threads, ", want [1, ", kLocalThreadsMax, "]"));
+  }
   switch (backend) {
     case LocalBackend::kReference:
       return MakeReferenceMapper(options);
     case LocalBackend::kCpu:
-      return MakeCpuMapper(options);
+      return MakeCpuMapper(options, threads);
     case LocalBackend::kCuda:
       return MakeCudaMapper(options);
     case LocalBackend::kAuto:
-      return MakeLocalMapper(ChooseLocalBackend(backend).backend, options);
+      return MakeLocalMapper(ChooseLocalBackend(backend).backend, options, threads);
   }
   return absl::InvalidArgumentError(
       absl::StrCat("local backend is ", static_cast<int>(backend), ", want one that exists"));

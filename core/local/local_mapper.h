@@ -67,10 +67,16 @@ enum class LocalBackend {
   kAuto,  ///< kCuda where there is a device, else kCpu
 };
 
-/// INVALID_ARGUMENT names the option, its value and its range. kCuda: UNAVAILABLE without a device,
-/// RESOURCE_EXHAUSTED without memory for one more map on it.
+/// Threads that one mapper may work with.
+inline constexpr int kLocalThreadsMax = 64;
+
+/// threads: how many work on a scan, the caller among them; the map is the same bit for bit. Range
+/// [1, kLocalThreadsMax]. `reference` takes one, and kCuda ignores it. INVALID_ARGUMENT names the
+/// option, its value and its range. kCuda: UNAVAILABLE without a device, RESOURCE_EXHAUSTED without
+/// memory for one more map on it.
 absl::StatusOr<std::unique_ptr<LocalMapper>> MakeLocalMapper(LocalBackend backend,
-                                                             const LocalMapOptions& options);
+                                                             const LocalMapOptions& options,
+                                                             int threads = 1);
 
 /// What is there on this machine of what is wanted.
 struct BackendChoice {

@@ -57,12 +57,14 @@ class RayTable {
     Add(&place.index, &place.slope, 1);
   }
 
-  /// Adds the rays of another table of the same bins and limit; neither is complete.
-  void Merge(VectorSet set, const RayTable& other);
+  /// Adds the rays of another table of the same bins and limit, in azimuth bins [begin, end).
+  /// Neither is complete.
+  void Merge(VectorSet set, const RayTable& other, std::int32_t begin, std::int32_t end);
 
-  /// To be called once, after the last Add: from here on a range bin holds the rays that end in it
-  /// or later, and bin 0 all rays.
-  void Complete(VectorSet set);
+  /// To be called once for each azimuth bin, after the last Add: from here on a range bin holds the
+  /// rays that end in it or later, and bin 0 all rays.
+  void Complete(VectorSet set, std::int32_t begin, std::int32_t end);
+  void Complete(VectorSet set) { Complete(set, 0, bins_.azimuth); }
 
   /// Whether in every azimuth bin of the cell that holds rays one crosses the cell and passes below
   /// height_m. A bin without any ray, finer than the sensor's columns, says nothing.

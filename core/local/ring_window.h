@@ -10,12 +10,19 @@
 
 namespace gem {
 
+/// A cell of the window from the lower left; fits, as a side has at most 1024 cells.
+struct Place {
+  std::int16_t column = 0;
+  std::int16_t row = 0;
+};
+
 /// A square window and its ring buffer. Window coordinates (column, row) count from the lower left;
 /// slots are where a layer keeps the cell.
 class RingWindow {
  public:
   explicit RingWindow(std::int32_t side_cells)
       : side_cells_(side_cells),
+        inverse_of_side_((std::uint64_t{1} << 32) / static_cast<std::uint32_t>(side_cells) + 1),
         slot_of_column_(static_cast<std::size_t>(side_cells)),
         slot_of_row_(static_cast<std::size_t>(side_cells)) {
     MoveTo({0, 0});
@@ -38,6 +45,18 @@ class RingWindow {
   }
   CellRect rect() const { return {origin_, {origin_.x + side_cells_, origin_.y + side_cells_}}; }
 
+  /// Window index: row * side_cells + column.
+  std::uint32_t IndexOf(Place place) const {
+    return static_cast<std::uint32_t>(place.row * side_cells_ + place.column);
+  }
+  Place PlaceOf(std::uint32_t index) const {
+    // Exact, as an index is below 2^20. A division would take longer than all the rest.
+    const auto row = static_cast<std::uint32_t>((index * inverse_of_side_) >> 32);
+    const std::uint32_t column = index - row * static_cast<std::uint32_t>(side_cells_);
+    return {static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)};
+  }
+
+  std::uint32_t SlotOf(Place place) const { return SlotAt(place.column, place.row); }
   std::uint32_t SlotAt(std::int32_t column, std::int32_t row) const {
     return slot_of_row_[static_cast<std::size_t>(row)] +
            slot_of_column_[static_cast<std::size_t>(column)];
@@ -49,6 +68,7 @@ class RingWindow {
  private:
   // Constant after construction.
   const std::int32_t side_cells_;
+  const std::uint64_t inverse_of_side_;  // times 2^32, rounded up
 
   CellIndex origin_;
   std::vector<std::uint32_t> slot_of_column_;

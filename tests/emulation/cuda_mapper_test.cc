@@ -42,7 +42,7 @@ std::string DifferenceOfEvicted(const std::vector<EvictedCell>& cpu,
 class Pair {
  public:
   explicit Pair(const LocalMapOptions& options)
-      : cpu_(MakeCpuMapper(options)), cuda_(*MakeCudaMapper(options)) {}
+      : cpu_(MakeCpuMapper(options, 1)), cuda_(*MakeCudaMapper(options)) {}
 
   /// Fuses the scan into both; the first difference in words, or "".
   std::string Fuse(const Scan& scan) {
@@ -349,7 +349,7 @@ TEST(EmulatedCuda, WithoutMemoryThereIsNoMapper) {
 
 // After a failure the map is that of a cpu backend that begins with the scan in hand.
 void ExpectStartsAnewOnCpu(LocalMapper& mapper, int i) {
-  const std::unique_ptr<LocalMapper> fresh = MakeCpuMapper(SmallWindow());
+  const std::unique_ptr<LocalMapper> fresh = MakeCpuMapper(SmallWindow(), 1);
   std::vector<EvictedCell> evicted, fresh_evicted;
   LocalMap map, fresh_map;
   for (; i < 6; ++i) {

@@ -17,29 +17,17 @@ HitLanes::HitLanes(std::size_t num_cells)
       cells_(num_cells),
       counts_(num_cells),
       begins_(num_cells),
-      rank_of_cell_(num_cells) {}
+      rank_of_cell_(num_cells),
+      next_(num_cells) {}
 
-void HitLanes::Sort(std::span<MeasuredPart> parts) {
+void HitLanes::Sort(std::span<MeasuredPart> parts, std::span<const HitRun> runs,
+                    std::uint32_t begin, std::uint32_t end) {
   is_colored_ = false;
   for (const MeasuredPart& part : parts) is_colored_ = is_colored_ || part.is_colored;
-  ListCells(parts);
+  ListCells(parts, begin, end);
   RankCells();
   PlaceCells();
-  // A part's hits of a cell come after those of earlier parts.
-  for (std::size_t rank = 0; rank < num_cells_; ++rank) {
-    const bool is_long = rank < num_long_;
-    std::uint32_t next = begins_[rank] | (is_long ? kLongBit : 0);
-    for (MeasuredPart& part : parts) {
-      std::uint32_t& count = part.count_of_cell[cells_[rank]];
-      const std::uint32_t begin = next;
-      next += count * 2 * (is_long ? 1u : std::uint32_t{kLanes});
-      count = begin;
-    }
-  }
-  for (MeasuredPart& part : parts) Deal(part);
-  for (std::size_t rank = 0; rank < num_cells_; ++rank) {
-    for (MeasuredPart& part : parts) part.count_of_cell[cells_[rank]] = 0;
-  }
+  for (const HitRun& run : runs) Deal(run, begin, end);
 }
 
 void HitLanes::Clear() {
@@ -47,18 +35,18 @@ void HitLanes::Clear() {
   num_cells_ = num_long_ = 0;
 }
 
-void HitLanes::ListCells(std::span<MeasuredPart> parts) {
-  num_cells_ = 0;
-  for (const MeasuredPart& part : parts) {
-    for (std::size_t i = 0; i < part.num_touched; ++i) {
-      const std::uint32_t cell = part.touched[i];
-      if (rank_of_cell_[cell] != 0) continue;  // an earlier part touched it as well
-      rank_of_cell_[cell] = 1;
-      std::uint32_t count = 0;
-      for (const MeasuredPart& any : parts) count += any.count_of_cell[cell];
-      listed_[num_cells_] = cell;
-      listed_count_[num_cells_++] = count;
-    }
+void HitLanes::ListCells(std::span<MeasuredPart> parts, std::uint32_t begin, std::uint32_t end) {
+  std::size_t listed = 0;
+  for (std::uint32_t cell = begin; cell < end; ++cell) {
+    std::uint32_t count = 0;
+    for (const MeasuredPart& part : parts) count += part.count_of_cell[cell];
+    listed_[listed] = cell;
+    listed_count_[listed] = count;
+    listed += count != 0 ? 1 : 0;  // else the next one takes the place
+  }
+  num_cells_ = listed;
+  for (MeasuredPart& part : parts) {
+    std::fill(part.count_of_cell.begin() + begin, part.count_of_cell.begin() + end, 0u);
   }
 }
 
@@ -85,29 +73,34 @@ void HitLanes::RankCells() {
 }
 
 void HitLanes::PlaceCells() {
-  std::size_t size = 0;
+  std::uint32_t size = 0;
   for (std::size_t rank = 0; rank < num_long_; ++rank) {
-    begins_[rank] = static_cast<std::uint32_t>(size);
+    begins_[rank] = size;
+    next_[cells_[rank]] = size | kLongBit;
     size += 2 * counts_[rank];
   }
   for (std::size_t first = num_long_; first < num_cells_; first += kLanes) {
     const std::size_t end = std::min(first + kLanes, num_cells_);
     for (std::size_t rank = first; rank < end; ++rank) {
-      begins_[rank] = static_cast<std::uint32_t>(size + rank - first);
+      begins_[rank] = size + static_cast<std::uint32_t>(rank - first);
+      next_[cells_[rank]] = begins_[rank];
     }
-    size += 2 * kLanes * counts_[first];  // the longest of the group
+    size += 2 * std::uint32_t{kLanes} * counts_[first];  // the longest of the group
   }
   if (heights_.size() < size) heights_.resize(size);
   if (is_colored_ && rgba_.size() < size) rgba_.resize(heights_.size());
 }
 
-void HitLanes::Deal(MeasuredPart& part) {
+void HitLanes::Deal(const HitRun& run, std::uint32_t begin, std::uint32_t end) {
+  const MeasuredPart& part = *run.part;
   float* heights = heights_.data();
-  std::uint32_t* next = part.count_of_cell.data();
-  for (std::size_t i = 0; i < part.num_hits; ++i) {
-    const std::uint32_t marked = next[part.cell[i]];
+  std::uint32_t* next = next_.data();
+  for (std::size_t i = run.begin; i < run.end; ++i) {
+    const std::uint32_t cell = part.cell[i];
+    if (cell - begin >= end - begin) continue;  // also below: it wraps
+    const std::uint32_t marked = next[cell];
     const std::uint32_t lanes = (marked & kLongBit) != 0 ? 1 : kLanes;
-    next[part.cell[i]] = marked + 2 * lanes;
+    next[cell] = marked + 2 * lanes;
     const std::uint32_t at = marked & ~kLongBit;
     heights[at] = part.height[i].elevation_m;
     heights[at + lanes] = part.height[i].variance_m2;
@@ -115,15 +108,15 @@ void HitLanes::Deal(MeasuredPart& part) {
   }
 }
 
-std::span<const Hit> HitLanes::HitsOf(std::size_t rank) {
+std::span<const Hit> HitLanes::HitsOf(std::size_t rank, std::vector<Hit>& buffer) const {
   const std::size_t lanes = rank < num_long_ ? 1 : kLanes;
   const std::size_t count = counts_[rank];
-  if (hits_.size() < count) hits_.resize(heights_.size() / 2);
+  if (buffer.size() < count) buffer.resize(count);
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t at = begins_[rank] + k * 2 * lanes;
-    hits_[k] = {{heights_[at], heights_[at + lanes]}, is_colored_ ? rgba_[at] : 0};
+    buffer[k] = {{heights_[at], heights_[at + lanes]}, is_colored_ ? rgba_[at] : 0};
   }
-  return {hits_.data(), count};
+  return {buffer.data(), count};
 }
 
 }  // namespace gem::cpu

@@ -1,6 +1,6 @@
-// The hits of a scan sorted by cell, stable, and laid out for vectors: 16 cells make a group, and
-// the k-th hits of a group's cells lie side by side. Cells with many hits come first, so that the
-// cells of a group have about equally many.
+// The hits of a scan in a band of the window, sorted by cell, stable, and laid out for vectors: 16
+// cells make a group, and the k-th hits of a group's cells lie side by side. Cells with many hits
+// come first, so that the cells of a group have about equally many.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,11 @@ class HitLanes {
 
   explicit HitLanes(std::size_t num_cells);
 
-  /// Takes the hits of a scan's parts, in the order of the parts, and leaves their counts zero.
-  void Sort(std::span<MeasuredPart> parts);
+  /// Takes the hits whose window index is in [begin, end) from a scan's runs, which are in the
+  /// order of its points, and leaves the counts of these cells in the parts zero. Threads may sort
+  /// bands that do not overlap at once, each with its own HitLanes.
+  void Sort(std::span<MeasuredPart> parts, std::span<const HitRun> runs, std::uint32_t begin,
+            std::uint32_t end);
   /// Forgets all hits.
   void Clear();
 
@@ -36,7 +39,7 @@ class HitLanes {
   /// Window index of the cell, and its hits.
   std::uint32_t CellOf(std::size_t rank) const { return cells_[rank]; }
   std::uint32_t CountOf(std::size_t rank) const { return counts_[rank]; }
-  /// Rank of the cell at a window index, plus one; 0 if it has no hits.
+  /// Rank of the cell at a window index, plus one; 0 if it has no hits here.
   std::uint32_t RankOf(std::uint32_t cell) const { return rank_of_cell_[cell]; }
   bool is_colored() const { return is_colored_; }
 
@@ -45,28 +48,28 @@ class HitLanes {
     return heights_.data() + begins_[FirstRankOf(group)];
   }
 
-  /// The hits of one cell in point order; valid until the next call.
-  std::span<const Hit> HitsOf(std::size_t rank);
+  /// The hits of one cell in point order, in `buffer`, which grows if it must.
+  std::span<const Hit> HitsOf(std::size_t rank, std::vector<Hit>& buffer) const;
 
  private:
-  void ListCells(std::span<MeasuredPart> parts);
+  void ListCells(std::span<MeasuredPart> parts, std::uint32_t begin, std::uint32_t end);
   void RankCells();
   void PlaceCells();
-  void Deal(MeasuredPart& part);
+  void Deal(const HitRun& run, std::uint32_t begin, std::uint32_t end);
 
   std::size_t num_cells_ = 0;
   std::size_t num_long_ = 0;
   bool is_colored_ = false;
 
-  // Cells with hits, as the parts found them, and their hits.
+  // Cells with hits by window index, and their hits.
   std::vector<std::uint32_t> listed_, listed_count_;
   // By rank; begins_ is where a cell's first elevation is in heights_.
   std::vector<std::uint32_t> cells_, counts_, begins_;
   std::vector<std::uint32_t> rank_of_cell_;  // plus one; all zero between scans
 
+  std::vector<std::uint32_t> next_;  // where a cell's next hit goes, by window index
   std::vector<float> heights_;
   std::vector<Rgba> rgba_;  // where the elevation is; empty until there are colours
-  std::vector<Hit> hits_;   // of one cell
 };
 
 }  // namespace gem::cpu

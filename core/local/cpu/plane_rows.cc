@@ -24,8 +24,11 @@ PlaneRows::PlaneRows(std::int32_t side_cells) : side_cells_(side_cells) {
   dirty_.resize(side + kGap);
   for (auto* sums : {&count_, &y_, &yy_}) sums->resize(padded);
   for (auto* sums : {&z_, &yz_, &zz_}) sums->resize(padded);
-  valid_.resize(side);
-  for (auto* layer : {&slope_rad_, &roughness_m_, &traversability_}) layer->resize(side);
+  for (auto* values : {&num_cells_, &valid_, &stored_}) values->resize(side);
+  for (auto* values :
+       {&rise_x_m_, &rise_y_m_, &squares_m2_, &slope_rad_, &roughness_m_, &traversability_}) {
+    values->resize(side);
+  }
 }
 
 void PlaneRows::Annotate(VectorSet set, const RingWindow& window, float reference_m,
@@ -102,6 +105,7 @@ void PlaneRows::AnnotateRow(std::int32_t row) {
     }
     SumColumns(row, begin, end);
     FitCells(begin, end);
+    JudgeCells(begin, end);
     Store(row, begin, end);
     begin = end;
   }
@@ -147,12 +151,12 @@ void PlaneRows::SumColumns(std::int32_t row, std::int32_t begin, std::int32_t en
 }
 
 void PlaneRows::FitCells(std::int32_t begin, std::int32_t end) {
-  const LocalMapOptions options = *options_;
+  const std::int32_t cells_min = options_->plane_cells_min;
   const std::int32_t *count = count_.data(), *y = y_.data(), *yy = yy_.data();
   const double *z = z_.data(), *yz = yz_.data(), *zz = zz_.data();
-  std::int32_t* __restrict valid = valid_.data();
-  float *__restrict slope_rad = slope_rad_.data(), *__restrict roughness_m = roughness_m_.data(),
-                    *__restrict traversability = traversability_.data();
+  std::int32_t *num_cells = num_cells_.data(), *valid = valid_.data();
+  float *rise_x_m = rise_x_m_.data(), *rise_y_m = rise_y_m_.data();
+  float* squares_m2 = squares_m2_.data();
   GEM_INDEPENDENT
   for (std::int32_t i = begin; i < end; ++i) {
     PlaneSums sums;
@@ -165,29 +169,68 @@ void PlaneRows::FitCells(std::int32_t begin, std::int32_t end) {
     add(0);
     add(1);
     add(2);
-    const bool has_plane = HasPlane(sums, options.plane_cells_min);
     const PlaneFit fit = FitPlane(sums);
+    valid[i] = HasPlane(sums, cells_min) ? 1 : 0;
+    num_cells[i] = sums.count;
+    rise_x_m[i] = fit.rise_x_m;
+    rise_y_m[i] = fit.rise_y_m;
+    squares_m2[i] = fit.squares_m2;
+  }
+}
+
+// Apart from FitCells, as each cell is a long chain of roots and quotients: the shorter the loop,
+// the more of them the processor has in hand at once.
+void PlaneRows::JudgeCells(std::int32_t begin, std::int32_t end) {
+  const LocalMapOptions options = *options_;
+  const std::int32_t *num_cells = num_cells_.data(), *valid = valid_.data();
+  const float *rise_x_m = rise_x_m_.data(), *rise_y_m = rise_y_m_.data();
+  const float* squares_m2 = squares_m2_.data();
+  float *slope_rad = slope_rad_.data(), *roughness_m = roughness_m_.data();
+  float* traversability = traversability_.data();
+  GEM_INDEPENDENT
+  for (std::int32_t i = begin; i < end; ++i) {
+    const PlaneFit fit{rise_x_m[i], rise_y_m[i], squares_m2[i]};
+    const bool has_plane = valid[i] != 0;
     const float slope = SlopeOf(fit, options.cell_size_m);
-    const float score = TraversabilityOf(slope, fit.roughness_m, options);
-    valid[i] = has_plane ? 1 : 0;
+    const float roughness = RoughnessOf(fit, num_cells[i]);
+    const float score = TraversabilityOf(slope, roughness, options);
     slope_rad[i] = has_plane ? slope : 0.0f;
-    roughness_m[i] = has_plane ? fit.roughness_m : 0.0f;
+    roughness_m[i] = has_plane ? roughness : 0.0f;
     traversability[i] = has_plane ? score : 0.0f;
   }
 }
 
 void PlaneRows::Store(std::int32_t row, std::int32_t begin, std::int32_t end) {
-  for (std::int32_t column = begin; column < end; ++column) {
-    const auto i = static_cast<std::size_t>(column);
-    const std::uint32_t slot = window_->SlotAt(column, row);
-    std::uint8_t& state = layers_->state[slot];
-    if (dirty_[i] == 0 || (state & kCellKnown) == 0) continue;
-    state = static_cast<std::uint8_t>((state & ~kCellAnnotated) |
-                                      (valid_[i] != 0 ? kCellAnnotated : 0));
-    layers_->slope_rad[slot] = slope_rad_[i];
-    layers_->roughness_m[slot] = roughness_m_[i];
-    layers_->traversability[slot] = traversability_[i];
+  // A row of the window is two runs of its row in the ring: from the seam on, and before it.
+  const std::int32_t seam = side_cells_ - FloorMod(window_->origin().x, side_cells_);
+  StoreRun(row, begin, std::min(end, seam));
+  StoreRun(row, std::max(begin, seam), end);
+}
+
+void PlaneRows::StoreRun(std::int32_t row, std::int32_t begin, std::int32_t end) {
+  if (begin >= end) return;
+  const std::uint32_t slot = window_->SlotAt(begin, row);
+  const std::int32_t count = end - begin;
+  const std::uint8_t* dirty = dirty_.data() + begin;
+  const std::int32_t* known = RowAt(row).known.data() + kMargin + begin;
+  const std::int32_t* valid = valid_.data() + begin;
+  std::int32_t* stored = stored_.data();
+  std::uint8_t* annotated = layers_->annotated.data() + slot;
+  GEM_INDEPENDENT
+  for (std::int32_t i = 0; i < count; ++i) {
+    stored[i] = dirty[i] & known[i];
+    const std::int32_t now = valid[i] != 0 ? kCellAnnotated : 0;
+    annotated[i] = static_cast<std::uint8_t>(stored[i] != 0 ? now : annotated[i]);
   }
+  const auto store = [&](const std::vector<float>& from, std::vector<float>& to) {
+    const float* values = from.data() + begin;
+    float* layer = to.data() + slot;
+    GEM_INDEPENDENT
+    for (std::int32_t i = 0; i < count; ++i) layer[i] = stored[i] != 0 ? values[i] : layer[i];
+  };
+  store(slope_rad_, layers_->slope_rad);
+  store(roughness_m_, layers_->roughness_m);
+  store(traversability_, layers_->traversability);
 }
 
 }  // namespace gem::cpu

@@ -41,7 +41,9 @@ class PlaneRows {
   void AnnotateRow(std::int32_t row);
   void SumColumns(std::int32_t row, std::int32_t begin, std::int32_t end);
   void FitCells(std::int32_t begin, std::int32_t end);
+  void JudgeCells(std::int32_t begin, std::int32_t end);
   void Store(std::int32_t row, std::int32_t begin, std::int32_t end);
+  void StoreRun(std::int32_t row, std::int32_t begin, std::int32_t end);
 
   // Constant after construction.
   const std::int32_t side_cells_;
@@ -60,8 +62,9 @@ class PlaneRows {
   // Of the row in hand: sums by column, with margin.
   std::vector<std::int32_t> count_, y_, yy_;
   std::vector<double> z_, yz_, zz_;
-  // Of the row in hand: annotations by column.
-  std::vector<std::int32_t> valid_;
+  // Of the row in hand, by column: plane fits, and annotations.
+  std::vector<std::int32_t> num_cells_, valid_, stored_;
+  std::vector<float> rise_x_m_, rise_y_m_, squares_m2_;
   std::vector<float> slope_rad_, roughness_m_, traversability_;
 };
 

@@ -21,6 +21,7 @@ struct Block {
 // How many points pass the tests of MeasureBeam up to here.
 struct Passed {
   std::int32_t range = 0, body = 0, low = 0, high = 0;
+  Rgba any_rgba = 0;  // of all points, bit by bit
 };
 
 // What lies farther below zero is not in cell 0, however the quotient is rounded.
@@ -43,6 +44,9 @@ void SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m, s
   float* __restrict slope = block.ray_slope;
   std::int32_t* __restrict over_window = block.over_window;
   std::int32_t num_range = 0, num_body = 0, num_low = 0, num_high = 0;
+  // Colours are looked at so that all four values of a point are used: else the last points of a
+  // block would be left to a loop without vectors, lest the load of the last one reach too far.
+  Rgba any_rgba = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const bool in_range = InRange(frame, Range2Of(points[i]));
     // What is out of range may overflow: it goes on as the sensor's own place.
@@ -60,6 +64,7 @@ void SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m, s
     const bool inside = (x_m > -kRounding_m) & (x_m <= span_m) &  //
                         (y_m > -kRounding_m) & (y_m <= span_m);
     over_window[i] = (not_high & inside) ? 1 : 0;
+    any_rgba |= points[i].rgba;
     num_range += static_cast<std::int32_t>(in_range);
     num_body += static_cast<std::int32_t>(off_body);
     num_low += static_cast<std::int32_t>(not_low);
@@ -69,6 +74,7 @@ void SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m, s
   passed.body += num_body;
   passed.low += num_low;
   passed.high += num_high;
+  passed.any_rgba |= any_rgba;
 }
 
 std::uint32_t BitsOf(const std::int32_t* flags) {
@@ -81,20 +87,22 @@ struct Hits {
   alignas(64) std::uint32_t cell[kGroup];
   alignas(64) float elevation_m[kGroup];
   alignas(64) float variance_m2[kGroup];
+  alignas(64) Rgba rgba[kGroup];
   alignas(64) std::int32_t inside[kGroup];
 };
 
 // Cells and heights of a group, of which some points lie over the window. The others are measured
 // along with them, as if they lay where the sensor is, and not listed.
 void SeeHits(const ScanFrame& frame_in, const ScanPoint* points, const std::int32_t* over_window,
-             std::size_t count, Hits& hits) {
+             Hits& hits) {
   const ScanFrame frame = frame_in;
   const auto side = static_cast<std::uint32_t>(frame.side_cells);
   std::uint32_t* __restrict cell = hits.cell;
   float* __restrict elevation_m = hits.elevation_m;
   float* __restrict variance_m2 = hits.variance_m2;
+  Rgba* __restrict rgba = hits.rgba;
   std::int32_t* __restrict in_window = hits.inside;
-  for (std::size_t i = 0; i < count; ++i) {
+  for (std::size_t i = 0; i < kGroup; ++i) {
     const bool over = over_window[i] != 0;
     const float x_m = points[i].x_m, y_m = points[i].y_m, z_m = points[i].z_m;
     const ScanPoint p_S{over ? x_m : 0.0f, over ? y_m : 0.0f, over ? z_m : 0.0f, 0};
@@ -108,6 +116,7 @@ void SeeHits(const ScanFrame& frame_in, const ScanPoint* points, const std::int3
     cell[i] = static_cast<std::uint32_t>(row) * side + static_cast<std::uint32_t>(column);
     elevation_m[i] = ElevationOf(frame, beam);
     variance_m2[i] = SensorVarianceOf(frame, p_S, beam);
+    rgba[i] = points[i].rgba;
     in_window[i] = inside ? 1 : 0;
   }
 }
@@ -118,25 +127,21 @@ struct Lists {
   Height* height;
   Rgba* rgba;
   std::uint32_t* count_of_cell;
-  std::uint32_t* touched;
-  std::size_t num_hits, num_touched;
-  Rgba any_rgba;
+  std::size_t num_hits;
 };
 
-void List(const Hits& hits, const ScanPoint* points, std::uint32_t bits, Lists& lists) {
+void List(const Hits& hits, std::uint32_t bits, Lists& lists_in) {
+  Lists lists = lists_in;  // a copy, which stores below cannot change
   for (; bits != 0; bits &= bits - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(bits));
-    if (hits.inside[i] == 0) continue;
     const std::uint32_t cell = hits.cell[i];
     lists.cell[lists.num_hits] = cell;
     lists.height[lists.num_hits] = {hits.elevation_m[i], hits.variance_m2[i]};
-    lists.rgba[lists.num_hits] = points[i].rgba;
-    lists.any_rgba |= points[i].rgba;
+    lists.rgba[lists.num_hits] = hits.rgba[i];
     ++lists.num_hits;
-    const std::uint32_t before = lists.count_of_cell[cell]++;
-    lists.touched[lists.num_touched] = cell;  // unless it is, the next one takes the place
-    lists.num_touched += before == 0 ? 1 : 0;
+    ++lists.count_of_cell[cell];
   }
+  lists_in.num_hits = lists.num_hits;
 }
 
 template <bool kHasBody>
@@ -145,6 +150,7 @@ void MeasureBlocks(const ScanFrame& frame, std::span<const ScanPoint> points, st
   const float span_m = SpanOver(frame);
   Block block;
   Hits hits;
+  ScanPoint tail[kGroup] = {};  // the scan's last group, if it is not full
   for (std::size_t begin = 0; begin < points.size(); begin += kBlock) {
     const std::size_t count = std::min(kBlock, points.size() - begin);
     const ScanPoint* from = points.data() + begin;
@@ -154,45 +160,46 @@ void MeasureBlocks(const ScanFrame& frame, std::span<const ScanPoint> points, st
     for (std::size_t first = 0; first < count; first += kGroup) {
       const std::uint32_t bits = BitsOf(block.over_window + first);
       if (bits == 0) continue;
-      const std::size_t group = std::min(kGroup, count - first);
-      SeeHits(frame, from + first, block.over_window + first, group, hits);
-      List(hits, from + first, bits, lists);
+      const ScanPoint* group = from + first;
+      if (count - first < kGroup) group = std::copy_n(group, count - first, tail) - (count - first);
+      SeeHits(frame, group, block.over_window + first, hits);
+      List(hits, BitsOf(hits.inside), lists);
     }
   }
 }
 
 }  // namespace
 
-void MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
-                   std::int32_t range_bin_limit, MeasuredPart& part) {
-  if (part.cell.size() < points.size()) {
-    part.cell.resize(points.size());
-    part.height.resize(points.size());
-    part.rgba.resize(points.size());
+void BeginPart(std::size_t num_points, std::int32_t range_bin_limit, MeasuredPart& part) {
+  if (part.cell.size() < num_points) {
+    part.cell.resize(num_points);
+    part.height.resize(num_points);
+    part.rgba.resize(num_points);
   }
+  part.num_hits = 0;
+  part.is_colored = false;
+  part.fates = {};
+  part.rays.Reset(range_bin_limit);
+}
+
+HitRun MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
+                     std::int32_t range_bin_limit, MeasuredPart& part) {
   Passed passed;
-  Lists lists{part.cell.data(),
-              part.height.data(),
-              part.rgba.data(),
-              part.count_of_cell.data(),
-              part.touched.data(),
-              0,
-              0,
-              0};
+  Lists lists{part.cell.data(), part.height.data(), part.rgba.data(), part.count_of_cell.data(),
+              part.num_hits};
   RunVectorised(set, [&] {
-    part.rays.Reset(range_bin_limit);
     if (frame.has_body) {
       MeasureBlocks<true>(frame, points, range_bin_limit, part.rays, lists, passed);
     } else {
       MeasureBlocks<false>(frame, points, range_bin_limit, part.rays, lists, passed);
     }
   });
+  const HitRun run{&part, part.num_hits, lists.num_hits};
   part.num_hits = lists.num_hits;
-  part.num_touched = lists.num_touched;
-  part.is_colored = HasColor(lists.any_rgba);
-  const auto num_hits = static_cast<std::int32_t>(lists.num_hits);
+  part.is_colored = part.is_colored || HasColor(passed.any_rgba);
+  const auto num_hits = static_cast<std::int32_t>(run.end - run.begin);
   const auto count = [&](PointFate fate, std::int32_t num_points) {
-    part.fates[static_cast<std::size_t>(fate)] = static_cast<std::uint32_t>(num_points);
+    part.fates[static_cast<std::size_t>(fate)] += static_cast<std::uint32_t>(num_points);
   };
   count(PointFate::kOutOfRange, static_cast<std::int32_t>(points.size()) - passed.range);
   count(PointFate::kOnBody, passed.range - passed.body);
@@ -200,6 +207,7 @@ void MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPo
   count(PointFate::kTooHigh, passed.low - passed.high);
   count(PointFate::kOutsideWindow, passed.high - num_hits);
   count(PointFate::kInWindow, num_hits);
+  return run;
 }
 
 }  // namespace gem::cpu

@@ -1,6 +1,7 @@
 #include "core/local/cpu/sight_pass.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace gem::cpu {
 namespace {
@@ -48,15 +49,61 @@ void SeeCells(const ScanFrame& frame, const RayBins& bins_in, const LocalMapOpti
   }
 }
 
+// Candidates among the cells [begin, end) of a row, which lie side by side in the ring.
+void FindInRun(const RingWindow& window, const Layers& layers, float traversability_free,
+               const std::uint8_t* confirmed, std::int32_t row, std::int32_t begin,
+               std::int32_t end, ClearCandidates& candidates) {
+  constexpr std::int32_t kWord = 32;
+  for (std::int32_t first = begin; first < end; first += kWord) {
+    const std::uint32_t first_slot = window.SlotAt(first, row);
+    const std::int32_t count = std::min(kWord, end - first);
+    // Bits first: asked cell by cell, the processor would guess wrong too often.
+    std::int32_t flags[kWord] = {};
+    const std::uint8_t* state = layers.state.data() + first_slot;
+    for (std::int32_t i = 0; i < count; ++i) {
+      flags[i] = state[i] & kCellKnown & (confirmed[first + i] ^ 1);
+    }
+    std::uint32_t bits = 0;
+    for (std::int32_t i = 0; i < kWord; ++i) bits |= static_cast<std::uint32_t>(flags[i]) << i;
+    for (; bits != 0; bits &= bits - 1) {
+      const std::int32_t i = std::countr_zero(bits);
+      const std::uint32_t slot = first_slot + static_cast<std::uint32_t>(i);
+      const std::size_t at = candidates.count++;
+      candidates.place[at] = {static_cast<std::int16_t>(first + i), static_cast<std::int16_t>(row)};
+      candidates.elevation_m[at] = layers.elevation_m[slot];
+      candidates.variance_m2[at] = layers.variance_m2[slot];
+      candidates.is_free[at] = layers.IsFree(slot, traversability_free) ? 1 : 0;
+    }
+  }
+}
+
 }  // namespace
+
+void FindCandidates(VectorSet set, const RingWindow& window, const Layers& layers,
+                    float traversability_free, std::span<const std::uint8_t> confirmed,
+                    std::int32_t row_begin, std::int32_t row_end, ClearCandidates& candidates) {
+  RunVectorised(set, [&] {
+    candidates.count = 0;
+    const std::int32_t seam =
+        window.side_cells() - FloorMod(window.origin().x, window.side_cells());
+    for (std::int32_t row = row_begin; row < row_end; ++row) {
+      const std::uint8_t* in_row =
+          confirmed.data() + window.IndexOf({0, static_cast<std::int16_t>(row)});
+      // A row of the window is two runs of its row in the ring: from the seam on, and before it.
+      FindInRun(window, layers, traversability_free, in_row, row, 0, seam, candidates);
+      FindInRun(window, layers, traversability_free, in_row, row, seam, window.side_cells(),
+                candidates);
+    }
+  });
+}
 
 void FindPassedBelow(VectorSet set, const RayTable& rays, const ScanFrame& frame,
                      const LocalMapOptions& options, const ClearCandidates& candidates,
-                     std::size_t begin, std::size_t end, std::vector<Place>& cleared) {
+                     std::vector<Place>& cleared) {
   RunVectorised(set, [&] {
     Sights sights;
-    for (std::size_t first = begin; first < end; first += kBlock) {
-      const std::size_t count = std::min(kBlock, end - first);
+    for (std::size_t first = 0; first < candidates.count; first += kBlock) {
+      const std::size_t count = std::min(kBlock, candidates.count - first);
       SeeCells(frame, rays.bins(), options, candidates, first, count, sights);
       for (std::size_t i = 0; i < count; ++i) {
         const CellSight sight{sights.first_bin[i], sights.num_bins[i], sights.range_bin_min[i],

@@ -2,19 +2,21 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/base/vector_set.h"
 #include "core/local/cpu/layers.h"
 #include "core/local/measure.h"
 #include "core/local/ray_table.h"
+#include "core/local/ring_window.h"
 
 namespace gem::cpu {
 
-/// Known cells that no point of the scan confirmed; the first `count` of each list.
+/// Cells that might be cleared; the first `count` of each list.
 struct ClearCandidates {
-  explicit ClearCandidates(std::size_t num_cells)
-      : place(num_cells), elevation_m(num_cells), variance_m2(num_cells), is_free(num_cells) {}
+  explicit ClearCandidates(std::size_t count_max)
+      : place(count_max), elevation_m(count_max), variance_m2(count_max), is_free(count_max) {}
 
   std::size_t count = 0;
   std::vector<Place> place;
@@ -23,9 +25,15 @@ struct ClearCandidates {
   std::vector<std::int32_t> is_free;  ///< 0 or 1
 };
 
-/// Appends those of candidates [begin, end) that rays pass below to `cleared`, in their order.
+/// The known cells of rows [row_begin, row_end) that no point of the scan confirmed (0 or 1 by
+/// window index).
+void FindCandidates(VectorSet set, const RingWindow& window, const Layers& layers,
+                    float traversability_free, std::span<const std::uint8_t> confirmed,
+                    std::int32_t row_begin, std::int32_t row_end, ClearCandidates& candidates);
+
+/// Appends those candidates that rays pass below to `cleared`, in their order.
 void FindPassedBelow(VectorSet set, const RayTable& rays, const ScanFrame& frame,
                      const LocalMapOptions& options, const ClearCandidates& candidates,
-                     std::size_t begin, std::size_t end, std::vector<Place>& cleared);
+                     std::vector<Place>& cleared);
 
 }  // namespace gem::cpu

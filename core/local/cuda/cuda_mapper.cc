@@ -299,7 +299,7 @@ ScanReport CudaMapper::FuseScan(const Scan& scan, std::vector<EvictedCell>& evic
     // The map was on the device. Ending the process would take every other session's along.
     std::fprintf(stderr, "cuda backend: %s; the local map starts anew on the cpu backend\n",
                  std::string(status.message()).c_str());
-    fallback_ = MakeCpuMapper(options_);
+    fallback_ = MakeCpuMapper(options_, /*threads=*/1);
     return fallback_->FuseScan(scan, evicted);
   }
   ScanReport report = ReportOf(scan.points.size());

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/local/cpu_mapper.h"
 #include "core/local/local_mapper.h"
 #include "tests/core/local/compare_maps.h"
 #include "tests/core/local/scenes.h"
@@ -250,6 +251,76 @@ TEST(Determinism, TheSameScansTwiceGiveTheSameBytes) {
       EXPECT_EQ(evicted[0][i].belief, evicted[1][i].belief);
     }
   }
+}
+
+// Fuses what BackendsAgree fuses on a robot that moves, and says what is in the map.
+struct Drive {
+  explicit Drive(LocalMapper& mapper) {
+    std::mt19937 random(5);
+    testing::Lidar lidar;
+    lidar.columns = 600;
+    lidar.sigma_m = 0.02;
+    testing::World world;
+    world.ground_m = 98.5;
+    world.boxes = {testing::BoxOn(1, 2, 0.5, 1, 98.5), testing::BoxOn(-2, 1, 1, 2, 98.5)};
+    for (int i = 0; i < 20; ++i) {
+      Scan scan = RandomPoseScan(random, i);
+      testing::World now = world;
+      if (i % 2 == 0) now.boxes.push_back(testing::BoxOn(0.2 * i - 3, 0, 0.8, 1.7, world.ground_m));
+      std::vector<ScanPoint> points = lidar.Sweep(now, scan.T_O_B * scan.T_B_S, random);
+      // Uncoloured and coloured scans take different ways; some cells get very many points.
+      for (ScanPoint& p : points) p.rgba = i % 4 == 3 ? 0xff000000u | i : 0;
+      points.insert(points.end(), 700, points[i * 50]);
+      scan.points = points;
+      const ScanReport report = mapper.FuseScan(scan, evicted);
+      cleared += report.cells_cleared;
+      fused += report.points_fused;
+    }
+    mapper.CopyTo(map);
+  }
+  LocalMap map;
+  std::vector<EvictedCell> evicted;
+  std::uint64_t cleared = 0, fused = 0;
+};
+
+void ExpectSameBytes(const Drive& a, const Drive& b) {
+  EXPECT_EQ(a.map.state, b.map.state);
+  EXPECT_EQ(a.map.elevation_m, b.map.elevation_m);
+  EXPECT_EQ(a.map.variance_m2, b.map.variance_m2);
+  EXPECT_EQ(a.map.slope_rad, b.map.slope_rad);
+  EXPECT_EQ(a.map.roughness_m, b.map.roughness_m);
+  EXPECT_EQ(a.map.traversability, b.map.traversability);
+  EXPECT_EQ(a.map.rgba, b.map.rgba);
+  EXPECT_EQ(a.map.observed_ns, b.map.observed_ns);
+  EXPECT_EQ(a.cleared, b.cleared);
+  EXPECT_EQ(a.fused, b.fused);
+  ASSERT_EQ(a.evicted.size(), b.evicted.size());
+  for (std::size_t i = 0; i < a.evicted.size(); ++i) {
+    EXPECT_EQ(a.evicted[i].belief, b.evicted[i].belief);
+  }
+}
+
+TEST(Determinism, AnyNumberOfThreadsGivesTheSameBytes) {
+  const Drive one(**MakeLocalMapper(LocalBackend::kCpu, LocalMapOptions(), 1));
+  EXPECT_GT(one.cleared, 0u);
+  EXPECT_GT(one.evicted.size(), 0u);
+  for (const int threads : {2, 3, 7}) {
+    ExpectSameBytes(one, Drive(**MakeLocalMapper(LocalBackend::kCpu, LocalMapOptions(), threads)));
+  }
+}
+
+TEST(Determinism, EveryVectorSetGivesTheSameBytes) {
+  const Drive baseline(*MakeCpuMapper(LocalMapOptions(), 1, VectorSet::kBaseline));
+  for (const VectorSet set : {VectorSet::kAvx2, VectorSet::kAvx512}) {
+    if (IsSupported(set))
+      ExpectSameBytes(baseline, Drive(*MakeCpuMapper(LocalMapOptions(), 1, set)));
+  }
+}
+
+TEST(Determinism, ThreadsHaveALimit) {
+  EXPECT_FALSE(MakeLocalMapper(LocalBackend::kCpu, LocalMapOptions(), 0).ok());
+  const auto mapper = MakeLocalMapper(LocalBackend::kCpu, LocalMapOptions(), 65);
+  EXPECT_EQ(mapper.status().message(), "threads is 65, want [1, 64]");
 }
 
 // ---- real scans

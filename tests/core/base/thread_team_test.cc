@@ -1,0 +1,36 @@
+#include "core/base/thread_team.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace gem {
+namespace {
+
+TEST(ThreadTeam, CallsEachMemberOncePerRoundAndWaitsForAll) {
+  for (const int size : {1, 2, 3}) {
+    ThreadTeam team(size);
+    ASSERT_EQ(team.size(), size);
+    std::vector<int> calls(static_cast<std::size_t>(size), 0);
+    for (int round = 1; round <= 1000; ++round) {
+      team.Run([&](int i) { ++calls[static_cast<std::size_t>(i)]; });
+      for (const int count : calls) ASSERT_EQ(count, round);
+    }
+  }
+}
+
+TEST(ThreadTeam, MayBeDismissedWithoutWork) { ThreadTeam team(4); }
+
+TEST(Piece, PiecesCoverTheWholeOnce) {
+  for (const std::size_t count : {0u, 1u, 7u, 100u}) {
+    std::size_t next = 0;
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_EQ(PieceOf(count, i, 3).begin, next);
+      next = PieceOf(count, i, 3).end;
+    }
+    EXPECT_EQ(next, count);
+  }
+}
+
+}  // namespace
+}  // namespace gem
