@@ -104,7 +104,7 @@ GEM_HOST_DEVICE inline PlaneFit FitPlane(const PlaneSums& sums) {
   const auto squares_m2 =
       static_cast<float>(zz - fit.rise_x_m * xz - fit.rise_y_m * yz);  // times the count
   // Rounding may leave an exact plane a hair below zero.
-  const float rest_m2 = (freedom > 0) & (squares_m2 > 0.0f) ? squares_m2 : 0.0f;
+  const float rest_m2 = ((freedom > 0) & (squares_m2 > 0.0f)) ? squares_m2 : 0.0f;
   fit.roughness_m = std::sqrt(rest_m2 / static_cast<float>(freedom > 0 ? n * freedom : 1));
   return fit;
 }

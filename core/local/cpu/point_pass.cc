@@ -59,7 +59,7 @@ void SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m, s
     const float x_m = frame.sensor_x_m + offset.x_m, y_m = frame.sensor_y_m + offset.y_m;
     const bool inside = (x_m > -kRounding_m) & (x_m <= span_m) &  //
                         (y_m > -kRounding_m) & (y_m <= span_m);
-    over_window[i] = not_high & inside ? 1 : 0;
+    over_window[i] = (not_high & inside) ? 1 : 0;
     num_range += static_cast<std::int32_t>(in_range);
     num_body += static_cast<std::int32_t>(off_body);
     num_low += static_cast<std::int32_t>(not_low);
