@@ -2,6 +2,9 @@
 // device's threads run.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <random>
 
@@ -266,6 +269,25 @@ TEST(EmulatedCuda, AgreesWithCpuWhereverTheWindowMoves) {
     ASSERT_EQ(pair.Fuse(scan.At(seq++)), "") << "moved by " << move[0] << ", " << move[1];
   }
   EXPECT_GT(pair.evicted(), 0u);
+}
+
+TEST(EmulatedCuda, AgreesWithCpuOnARealScan) {
+  const char* data = std::getenv("GEM_DATA_DIR");
+  if (data == nullptr) GTEST_SKIP() << "set GEM_DATA_DIR to the unpacked KITTI data";
+  std::ifstream file(std::filesystem::path(data) / "sequences/00/velodyne/000000.bin",
+                     std::ios::binary);
+  PointScan scan(1.73);
+  scan.scan().noise = testing::LidarNoiseModel();
+  std::vector<ScanPoint> points;
+  float xyzi[4];
+  // Every twelfth point: enough for dozens of blocks.
+  for (int i = 0; file.read(reinterpret_cast<char*>(xyzi), sizeof(xyzi)); ++i)
+    if (i % 12 == 0) points.push_back({xyzi[0], xyzi[1], xyzi[2], 0});
+  ASSERT_GT(points.size(), 10'000u);
+  scan.AddAll(points);
+  SetSeed(8);
+  Pair pair((LocalMapOptions()));
+  for (std::uint64_t seq = 1; seq <= 2; ++seq) ASSERT_EQ(pair.Fuse(scan.At(seq)), "");
 }
 
 // A robot that drives by; scan i of any number.
