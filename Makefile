@@ -47,8 +47,8 @@ test-asan: build/asan-ubsan/build.ninja
 	cmake --build build/asan-ubsan -j $(JOBS)
 	ctest --preset asan-ubsan
 
-# What has threads of its own and no gRPC: stock gRPC is not instrumented, and what it runs would be reported falsely.
-TSAN_TESTS = base_test global_test server_core_test
+# What has threads of its own (those of emulated kernels too) and no gRPC: stock gRPC is not instrumented, and what it runs would be reported falsely.
+TSAN_TESTS = base_test global_test server_core_test emulation_test
 
 test-tsan: build/tsan/build.ninja
 	cmake --build build/tsan -j $(JOBS) --target $(TSAN_TESTS)

@@ -19,11 +19,12 @@ if(GEM_MOLD AND NOT GEM_SANITIZE)
 endif()
 
 # The CPU and the CUDA mapper give the same numbers: no fused multiply-add behind our back.
-add_compile_options(-ffp-contract=off)
+add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off>)
 
 add_library(gem_warnings INTERFACE)
-target_compile_options(gem_warnings INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wconversion
-  -Wno-sign-conversion $<$<CXX_COMPILER_ID:Clang>:-Wthread-safety> $<$<BOOL:${GEM_WERROR}>:-Werror>)
+target_compile_options(gem_warnings INTERFACE
+  "$<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wpedantic;-Wshadow;-Wnon-virtual-dtor;-Wconversion;-Wno-sign-conversion>"
+  $<$<COMPILE_LANG_AND_ID:CXX,Clang>:-Wthread-safety> $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<BOOL:${GEM_WERROR}>>:-Werror>)
 
 add_library(gem_sanitize INTERFACE)
 if(GEM_SANITIZE)

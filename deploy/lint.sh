@@ -6,13 +6,13 @@ cd "$(dirname "$0")/.."
 sources() { git ls-files --cached --others --exclude-standard "$@"; }
 
 case "${1:-}" in
-  format) sources '*.h' '*.cc' | xargs clang-format --dry-run --Werror ;;
-  fix) sources '*.h' '*.cc' | xargs clang-format -i ;;
+  format) sources '*.h' '*.cc' '*.cu' | xargs clang-format --dry-run --Werror ;;
+  fix) sources '*.h' '*.cc' '*.cu' | xargs clang-format -i ;;
   tidy)
     [[ -f build/clang/compile_commands.json ]] || cmake --preset clang >/dev/null
-    # Generated headers must exist before anything is analysed.
+    # What needs CUDA is not in that build. Generated headers must exist before anything is analysed.
     cmake --build build/clang -j 2 --target gem_grpc >/dev/null
-    sources '*.cc' | grep -v '^tests/' |
+    sources '*.cc' | grep -v '^tests/\|^core/gpu/cuda_runtime.cc$' |
       xargs -P "${JOBS:-2}" -n 2 clang-tidy -p build/clang --quiet --warnings-as-errors='*' 2> >(grep -v 'warnings generated\|Suppressed\|Use -header-filter' >&2)
     ;;
   proto)

@@ -22,6 +22,7 @@ struct ServerOptions {
   /// Least severe messages that are logged: trace, debug, info, warn, error.
   std::string log_level = "info";
 
+  /// Where there is no device for kCuda or kAuto, the server says so once and takes kCpu.
   LocalBackend backend = LocalBackend::kCpu;
   /// Threads that work on one scan of a session; the map is the same for any number. One serves the
   /// most robots per core, more the fastest scan of a single robot. Range [1, 64].

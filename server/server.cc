@@ -144,11 +144,27 @@ struct Server::Impl {
   std::unique_ptr<grpc::Server> server;
 };
 
+namespace {
+
+ServerOptions WithBackendOfThisMachine(ServerOptions options) {
+  const BackendChoice choice = ChooseLocalBackend(options.backend);
+  if (!choice.why_not_cuda.empty()) {
+    // Who asked for the device by name will want to know.
+    spdlog::log(options.backend == LocalBackend::kCuda ? spdlog::level::warn : spdlog::level::info,
+                "local mapper on the {} backend: {}", std::string(NameOf(choice.backend)),
+                choice.why_not_cuda);
+  }
+  options.backend = choice.backend;
+  return options;
+}
+
+}  // namespace
+
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options) {
   GEM_RETURN_IF_ERROR(Validate(options));
   GEM_RETURN_IF_ERROR(CheckAddress("listen", options.listen));
   GEM_RETURN_IF_ERROR(CheckAddress("metrics_listen", options.metrics_listen));
-  auto impl = std::make_unique<Impl>(options);
+  auto impl = std::make_unique<Impl>(WithBackendOfThisMachine(options));
   GEM_RETURN_IF_ERROR(impl->ListenForMetrics());
   GEM_RETURN_IF_ERROR(impl->ListenForCalls());
   return std::unique_ptr<Server>(new Server(std::move(impl)));

@@ -8,6 +8,7 @@
 #include "core/base/status_macros.h"
 #include "proto/wire/pose.h"
 #include "proto/wire/refusal.h"
+#include "spdlog/spdlog.h"
 
 namespace gem {
 namespace {
@@ -24,6 +25,11 @@ SessionMapper::SessionMapper(const SessionConfig& config)
     : config_(config), builder_(config.setup.session, config.setup.robot, config.map) {
   absl::StatusOr<std::unique_ptr<LocalMapper>> mapper =
       MakeLocalMapper(config_.backend, config_.local_map, config_.local_threads);
+  if (!mapper.ok() && config_.backend == LocalBackend::kCuda) {
+    spdlog::warn("session {}: local mapper on the cpu backend: {}", config_.setup.session,
+                 std::string(mapper.status().message()));
+    mapper = MakeLocalMapper(LocalBackend::kCpu, config_.local_map, config_.local_threads);
+  }
   GEM_CHECK(mapper.ok());  // the options were validated when the session was opened
   mapper_ = *std::move(mapper);
 }

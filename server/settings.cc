@@ -28,7 +28,7 @@ absl::Status Parse(const std::string& /*name*/, const std::string& value, std::s
 }
 absl::Status Parse(const std::string& name, const std::string& value, LocalBackend& to) {
   const absl::StatusOr<LocalBackend> backend = ParseLocalBackend(value);
-  if (!backend.ok()) return Wrong(name, value, "cpu or reference");
+  if (!backend.ok()) return Wrong(name, value, "auto, cpu, cuda or reference");
   to = *backend;
   return absl::OkStatus();
 }
@@ -68,7 +68,7 @@ std::vector<Setting> MakeSettings() {
                   "address of /metrics, ADDR:PORT; port 0 takes a free one"),
       GEM_SETTING("reflection", reflection, "clients may ask which services there are"),
       GEM_SETTING("log_level", log_level, "trace, debug, info, warn or error"),
-      GEM_SETTING("backend", backend, "local mapper: cpu or reference"),
+      GEM_SETTING("backend", backend, "local mapper: auto, cpu, cuda or reference"),
       GEM_SETTING("local_threads", local_threads, "threads that work on one scan of a session"),
 
       GEM_SETTING("map.cell_size_m", map.cell_size_m, "edge of a cell of new maps, m"),

@@ -29,7 +29,13 @@ struct BenchFlags {
 };
 
 absl::Status RunBench(BenchFlags flags) {
-  GEM_ASSIGN_OR_RETURN(const LocalBackend backend, ParseLocalBackend(flags.backend));
+  GEM_ASSIGN_OR_RETURN(LocalBackend backend, ParseLocalBackend(flags.backend));
+  if (backend == LocalBackend::kAuto) {
+    const BackendChoice choice = ChooseLocalBackend(backend);
+    backend = choice.backend;
+    if (!choice.why_not_cuda.empty())
+      std::fprintf(stderr, "cpu backend: %s\n", choice.why_not_cuda.c_str());
+  }
   GEM_ASSIGN_OR_RETURN(flags.kitti.pose_frame, ParseKittiPoseFrame(flags.pose_frame));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<KittiSource> source, KittiSource::Open(flags.kitti));
   GEM_ASSIGN_OR_RETURN(
@@ -79,7 +85,8 @@ void AddBenchCommand(CLI::App& app, std::function<absl::Status()>& run) {
                     "Poses, relative to DIR (default: poses.txt, or the only poses*.txt)");
   local->add_option("--pose_frame", flags->pose_frame, "velodyne, camera or auto")
       ->capture_default_str();
-  local->add_option("--backend", flags->backend, "reference or cpu")->capture_default_str();
+  local->add_option("--backend", flags->backend, "reference, cpu, cuda or auto")
+      ->capture_default_str();
   local->add_option("--threads", flags->threads, "Threads of the mapper")->capture_default_str();
   local->add_option("--cell_size_m", flags->map.cell_size_m, "Edge of a cell")
       ->capture_default_str();

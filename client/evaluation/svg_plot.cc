@@ -13,8 +13,8 @@
 namespace gem::evaluation {
 namespace {
 
-constexpr double kWidth = 760, kHeight = 420;
-constexpr double kLeft = 72, kRight = 170, kTop = 40, kBottom = 56;
+constexpr double kWidth = 800, kHeight = 420;
+constexpr double kLeft = 72, kRight = 210, kTop = 40, kBottom = 56;
 constexpr double kPlotWidth = kWidth - kLeft - kRight;
 constexpr double kPlotHeight = kHeight - kTop - kBottom;
 // Told apart by people who see few colours, too.

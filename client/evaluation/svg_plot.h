@@ -11,7 +11,7 @@ namespace gem::evaluation {
 /// 1, 2 or 5 times a power of ten apart, at most about `count` of them, covering [low, high].
 std::vector<double> Ticks(double low, double high, int count);
 
-/// A whole SVG document, 760 x 420 pixels. Points that are not finite are left out.
+/// A whole SVG document, 800 x 420 pixels. Points that are not finite are left out.
 std::string DrawSvg(const Plot& plot);
 
 }  // namespace gem::evaluation

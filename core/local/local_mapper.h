@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -59,19 +60,32 @@ class LocalMapper {
   virtual void EvictAll(std::vector<EvictedCell>& evicted) = 0;
 };
 
-enum class LocalBackend { kReference, kCpu };
+enum class LocalBackend {
+  kReference,
+  kCpu,
+  kCuda,  ///< the bits of kCpu, from a GPU
+  kAuto,  ///< kCuda where there is a device, else kCpu
+};
 
 /// Threads that one mapper may work with.
 inline constexpr int kLocalThreadsMax = 64;
 
 /// threads: how many work on a scan, the caller among them; the map is the same bit for bit. Range
-/// [1, kLocalThreadsMax]. `reference` takes one. INVALID_ARGUMENT names the option, its value and
-/// its range.
+/// [1, kLocalThreadsMax]. `reference` takes one, and kCuda ignores it. INVALID_ARGUMENT names the
+/// option, its value and its range. kCuda: UNAVAILABLE without a device, RESOURCE_EXHAUSTED without
+/// memory for one more map on it.
 absl::StatusOr<std::unique_ptr<LocalMapper>> MakeLocalMapper(LocalBackend backend,
                                                              const LocalMapOptions& options,
                                                              int threads = 1);
 
-/// "reference" or "cpu". INVALID_ARGUMENT for anything else.
+/// What is there on this machine of what is wanted.
+struct BackendChoice {
+  LocalBackend backend = LocalBackend::kCpu;  ///< never kAuto
+  std::string why_not_cuda;                   ///< set if kCpu stands in for kCuda
+};
+BackendChoice ChooseLocalBackend(LocalBackend wanted);
+
+/// "reference", "cpu", "cuda" or "auto". INVALID_ARGUMENT for anything else.
 absl::StatusOr<LocalBackend> ParseLocalBackend(absl::string_view name);
 absl::string_view NameOf(LocalBackend backend);
 

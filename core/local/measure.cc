@@ -1,5 +1,7 @@
 #include "core/local/measure.h"
 
+#include "core/sensor/scan.h"
+
 namespace gem {
 namespace {
 

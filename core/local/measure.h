@@ -9,9 +9,11 @@
 #include "core/grid/cell_index.h"
 #include "core/local/local_map_options.h"
 #include "core/sensor/noise_model.h"
-#include "core/sensor/scan.h"
+#include "core/sensor/scan_point.h"
 
 namespace gem {
+
+struct Scan;
 
 /// What all points of one scan have in common: how the scan lies over the window, and the limits.
 /// Horizontal coordinates count from the window's lower left corner, so that floats stay precise

@@ -6,18 +6,10 @@
 #include <span>
 
 #include "core/geometry/pose.h"
-#include "core/grid/cell_belief.h"
 #include "core/sensor/noise_model.h"
+#include "core/sensor/scan_point.h"
 
 namespace gem {
-
-/// A measured point in S, metres; finite. 16 bytes, so that four floats load at once.
-struct ScanPoint {
-  float x_m = 0;
-  float y_m = 0;
-  float z_m = 0;
-  Rgba rgba = 0;
-};
 
 /// A scan whose points somebody else holds.
 struct Scan {

@@ -70,8 +70,9 @@ TEST(Layers, CoreRoomsLookDownOnly) {
   EXPECT_THAT(
       Trespasses("core/sensor", {"core/base/", "core/geometry/", "core/grid/", "core/sensor/"}),
       testing::IsEmpty());
+  EXPECT_THAT(Trespasses("core/gpu", {"core/base/", "core/gpu/"}), testing::IsEmpty());
   EXPECT_THAT(Trespasses("core/local", {"core/base/", "core/geometry/", "core/grid/",
-                                        "core/sensor/", "core/local/"}),
+                                        "core/sensor/", "core/gpu/", "core/local/"}),
               testing::IsEmpty());
   EXPECT_THAT(Trespasses("core/global", {"core/"}), testing::IsEmpty());
 }
@@ -135,6 +136,40 @@ TEST(Layers, IncludesHaveNoCycle) {
     }
   }
   EXPECT_THAT(cycles, testing::IsEmpty());
+}
+
+/// The files below core and tests in which a text stands, but for this one.
+std::vector<std::string> FilesWith(const std::string& text) {
+  std::vector<std::string> found;
+  for (const char* folder : {"core", "proto", "server", "client", "tests"}) {
+    for (const std::string& source : Sources(folder)) {
+      if (source == "tests/layers/layers_test.cc") continue;
+      std::ifstream in(kRoot / source);
+      const std::string content{std::istreambuf_iterator<char>(in), {}};
+      if (content.find(text) != std::string::npos) found.push_back(source);
+    }
+  }
+  return found;
+}
+
+// Else the emulation would not be told.
+TEST(Layers, KernelsAreLaunchedInOnePlaceAndCudaIsCalledInOne) {
+  EXPECT_THAT(FilesWith("<<<"), testing::ElementsAre("core/gpu/launch.h"));
+  EXPECT_THAT(FilesWith("cuda_runtime_api.h"), testing::ElementsAre("core/gpu/cuda_runtime.cc"));
+  EXPECT_THAT(FilesWith("cuda_runtime.h"), testing::IsEmpty());
+  EXPECT_THAT(FilesWith("__syncthreads"), testing::ElementsAre("core/gpu/device.h"));
+  EXPECT_THAT(FilesWith("threadIdx"), testing::ElementsAre("core/gpu/device.h"));
+}
+
+TEST(Layers, OnlyTheCudaBackendSeesTheGpu) {
+  std::vector<std::string> found;
+  for (const std::string& source : Sources("core")) {
+    if (StartsWithAny(source, {"core/gpu/", "core/local/cuda/"})) continue;
+    for (const std::string& include : Includes(kRoot / source)) {
+      if (StartsWithAny(include, {"core/gpu/"})) found.push_back(source + " includes " + include);
+    }
+  }
+  EXPECT_THAT(found, testing::IsEmpty());
 }
 
 TEST(Layers, TheReaderSeesTheIncludesItJudges) {

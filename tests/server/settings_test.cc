@@ -59,7 +59,7 @@ TEST_F(ConfigFile, NamesTheLineOfAnUnknownKey) {
 TEST_F(ConfigFile, NamesTheLineOfAWrongValue) {
   EXPECT_EQ(Error("\nsessions_max: many\n"), ":2: sessions_max is \"many\", want a whole number");
   EXPECT_EQ(Error("sessions_max: -1\nmap: 5\n"), ":2: there is no option \"map\"");
-  EXPECT_EQ(Error("backend: gpu\n"), ":1: backend is \"gpu\", want cpu or reference");
+  EXPECT_EQ(Error("backend: gpu\n"), ":1: backend is \"gpu\", want auto, cpu, cuda or reference");
 }
 
 TEST_F(ConfigFile, NamesTheLineOfBrokenYaml) {

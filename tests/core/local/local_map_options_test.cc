@@ -107,8 +107,10 @@ TEST(LocalMapOptions, RoundsTheWindowUpToWholeCells) {
 TEST(LocalBackend, NamesParseBackAndOthersAreRefused) {
   EXPECT_EQ(*ParseLocalBackend("cpu"), LocalBackend::kCpu);
   EXPECT_EQ(*ParseLocalBackend("reference"), LocalBackend::kReference);
+  EXPECT_EQ(*ParseLocalBackend("cuda"), LocalBackend::kCuda);
+  EXPECT_EQ(*ParseLocalBackend("auto"), LocalBackend::kAuto);
   EXPECT_EQ(ParseLocalBackend("gpu").status().message(),
-            "local backend is \"gpu\", want reference or cpu");
+            "local backend is \"gpu\", want reference, cpu, cuda or auto");
 }
 
 TEST(LocalBackend, InvalidOptionsMakeNoMapper) {
