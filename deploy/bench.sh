@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Prints the figures of PERFORMANCE.md: bench.sh BIN_DIR [KITTI_SEQUENCE]. Without a recording
-# (GEM_DATA_DIR/sequences/00 by default), only the stages on a simulated scan.
+# (GEM_DATA_DIR/sequences/00 by default), the local mapper runs stage by stage on a simulated scan.
 set -euo pipefail
 bin="$1"
 recording="${2:-${GEM_DATA_DIR:-}/sequences/00}"
@@ -27,3 +27,9 @@ if [[ -x "$bin/local_stages_bench" ]]; then
   echo "== stages of the local mapper: name/vectors/window; vectors 0 baseline, 1 AVX2, 2 AVX-512; window 0 8 m at 0.2 m, 1 16 m at 0.1 m"
   "$bin/local_stages_bench" --benchmark_min_time=0.2
 fi
+
+echo "== global mapper: a map of 3.7 km"
+for threads in 1 2; do
+  echo "$threads thread(s)"
+  "$bin/gem" bench global --threads "$threads"
+done
