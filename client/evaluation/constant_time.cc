@@ -310,6 +310,7 @@ absl::StatusOr<Report> RunConstantTime(const Settings& settings) {
   const TownDrive town = BuildTownDrive(std::move(drive), settings.seed);
   GEM_ASSIGN_OR_RETURN(const Recorders recorders, MakeRecorders());
   std::vector<SetupFindings> all;
+  all.reserve(kSetups.size());
   for (const Setup& setup : kSetups) all.push_back({setup, {}, 0, 0, {}});
   CastScans(town, Casting(settings), [&](std::size_t i, std::span<const ScanPoint> points) {
     for (std::size_t s = 0; s < kSetups.size(); ++s)

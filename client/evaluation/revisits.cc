@@ -115,6 +115,7 @@ Deviation DeviationOf(std::vector<double> differences_m) {
 
 Deviation DeviationOf(const std::vector<TwicePassed>& cells) {
   std::vector<double> differences_m;
+  differences_m.reserve(cells.size());
   for (const TwicePassed& cell : cells)
     differences_m.push_back(static_cast<double>(cell.later_m) - cell.first_m);
   return DeviationOf(std::move(differences_m));
