@@ -38,7 +38,7 @@ TEST(AddErrors, ComparesKnownCellsWithTheGroundUnderTheirMiddle) {
 }
 
 // On a short way: the whole chain from honest noise to the variance.
-TEST(Calibration, OfBothSensorsIsWithinAFactorOfTwo) {
+TEST(Calibration, OfBothSensorsIsWithinAFactorOfThree) {
   Settings settings;
   settings.scale = 0.1;
   const auto report = RunCalibration(settings);
