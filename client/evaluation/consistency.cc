@@ -334,7 +334,8 @@ absl::StatusOr<std::vector<Drive>> Drives(const Settings& settings, Report& repo
   if (const auto dir = TrajectoriesDir(settings)) {
     GEM_ASSIGN_OR_RETURN(Drive ndt, LoadNdtDrive(*dir));
     GEM_ASSIGN_OR_RETURN(Drive kiss, LoadKissIcpDrive(*dir));
-    drives = {std::move(ndt), std::move(kiss)};
+    GEM_ASSIGN_OR_RETURN(Drive kinked, LoadKinkedKissIcpDrive(*dir));
+    drives = {std::move(ndt), std::move(kiss), std::move(kinked)};
   } else {
     report.skipped.push_back("trajectories of KITTI 00: no `trajectories` in --data");
     drives = {InventedDrive(kInventedScans, 1.0, settings.seed)};

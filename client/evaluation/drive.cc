@@ -196,6 +196,16 @@ absl::StatusOr<Drive> LoadKissIcpDrive(const fs::path& trajectories) {
   return drive;
 }
 
+absl::StatusOr<Drive> LoadKinkedKissIcpDrive(const fs::path& trajectories) {
+  GEM_ASSIGN_OR_RETURN(Drive drive, LoadKissIcpDrive(trajectories));
+  drive.name = "kiss-icp-kinked";
+  drive.description =
+      "the same, but the closed pose graph is the truth as it was published: a car that turns by "
+      "0.2 degrees between scans, and odometry that does not see it";
+  drive.truth = drive.corrected;
+  return drive;
+}
+
 absl::StatusOr<Drive> LoadOrbDrive(const fs::path& trajectories) {
   GEM_ASSIGN_OR_RETURN(Drive drive, LoadKissIcpDrive(trajectories));
   drive.name = "orb";

@@ -45,6 +45,9 @@ std::optional<std::filesystem::path> TrajectoriesDir(const Settings& settings);
 /// Truth: the closed trajectory, less its kinks.
 absl::StatusOr<Drive> LoadKissIcpDrive(const std::filesystem::path& trajectories);
 
+/// The same, but the closed trajectory is the truth as it was published, kinks and all.
+absl::StatusOr<Drive> LoadKinkedKissIcpDrive(const std::filesystem::path& trajectories);
+
 /// The same scans and truth as LoadKissIcpDrive, with ORB-SLAM's camera trajectory as odometry.
 absl::StatusOr<Drive> LoadOrbDrive(const std::filesystem::path& trajectories);
 
