@@ -184,6 +184,7 @@ absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& fi
   DecodedTile tile;
   GEM_ASSIGN_OR_RETURN(tile.index, FromProto(proto.key(), field.Child("key")));
   tile.version = FromProto(proto.version());
+  tile.etag = proto.etag();
   switch (proto.content_case()) {
     case v1::Tile::kGrid: {
       GEM_ASSIGN_OR_RETURN(tile.grid, FromProto(proto.grid(), kTileCells, field.Child("grid")));
@@ -196,8 +197,12 @@ absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& fi
     case v1::Tile::kAbsent:
       if (!proto.absent()) return Refuse(field.Child("absent"), "false", "true or unset");
       break;
+    case v1::Tile::kNotModified:
+      if (!proto.not_modified()) return Refuse(field.Child("not_modified"), "false", "true or unset");
+      tile.not_modified = true;
+      break;
     case v1::Tile::CONTENT_NOT_SET:
-      return Refuse(field.Child("content"), "unset", "a grid or absent");
+      return Refuse(field.Child("content"), "unset", "a grid, absent or not_modified");
   }
   return tile;
 }

@@ -44,10 +44,12 @@ LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers);
 void ToProto(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
              std::span<const Layer> layers, CellEncoding encoding, v1::Tile* proto);
 
-/// A tile as a client sees it. No grid: absent.
+/// A tile as a client sees it. No grid: absent, unless it is not_modified.
 struct DecodedTile {
   TileIndex index;
   MapVersion version;
+  std::uint64_t etag = 0;  ///< 0: the server sent none
+  bool not_modified = false;
   std::optional<LayeredGrid> grid;
 };
 absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field);
