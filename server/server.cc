@@ -18,6 +18,7 @@
 #include "server/metrics_page.h"
 #include "server/process_collector.h"
 #include "server/registry.h"
+#include "server/terrain_service.h"
 #include "server/tile_service.h"
 #include "server/worker_pool.h"
 #include "spdlog/spdlog.h"
@@ -67,6 +68,7 @@ struct Server::Impl {
         ingest_service(registry, options, metrics, guard),
         tile_service(registry, metrics, guard),
         map_service(registry, options, metrics, guard),
+        terrain_service(registry, metrics, guard),
         live_collector(std::make_shared<LiveCollector>(registry)),
         process_collector(std::make_shared<ProcessCollector>()) {}
 
@@ -103,6 +105,7 @@ struct Server::Impl {
     builder.RegisterService(&ingest_service);
     builder.RegisterService(&tile_service);
     builder.RegisterService(&map_service);
+    builder.RegisterService(&terrain_service);
     server = builder.BuildAndStart();
     if (server == nullptr || port == 0)
       return CannotListen("listen", options.listen, "which is taken or not this machine's");
@@ -138,6 +141,7 @@ struct Server::Impl {
   IngestService ingest_service;
   TileService tile_service;
   MapService map_service;
+  TerrainService terrain_service;
   std::shared_ptr<LiveCollector> live_collector;
   std::shared_ptr<ProcessCollector> process_collector;
   std::unique_ptr<MetricsPage> metrics_page;

@@ -198,7 +198,8 @@ absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& fi
       if (!proto.absent()) return Refuse(field.Child("absent"), "false", "true or unset");
       break;
     case v1::Tile::kNotModified:
-      if (!proto.not_modified()) return Refuse(field.Child("not_modified"), "false", "true or unset");
+      if (!proto.not_modified())
+        return Refuse(field.Child("not_modified"), "false", "true or unset");
       tile.not_modified = true;
       break;
     case v1::Tile::CONTENT_NOT_SET:

@@ -49,8 +49,9 @@ TEST(Tile, ACellThatIsNotAnnotatedHasNoTraversability) {
 TEST(Tile, AbsentIsNoGrid) {
   v1::Tile proto;
   proto.mutable_key()->set_x(1);
-  EXPECT_THAT(FromProto(proto, FieldPath("tile")),
-              Refused("tile.content", "tile.content is unset, want a grid, absent or not_modified"));
+  EXPECT_THAT(
+      FromProto(proto, FieldPath("tile")),
+      Refused("tile.content", "tile.content is unset, want a grid, absent or not_modified"));
   proto.set_absent(true);
   const auto tile = FromProto(proto, FieldPath("tile"));
   ASSERT_TRUE(tile.ok()) << tile.status();

@@ -44,6 +44,7 @@ TestServer::TestServer(const ServerOptions& options) {
   ingest_ = v1::IngestService::NewStub(channel);
   tiles_ = v1::TileService::NewStub(channel);
   maps_ = v1::MapService::NewStub(channel);
+  terrain_ = v1::TerrainService::NewStub(channel);
 }
 
 std::shared_ptr<grpc::Channel> TestServer::NewChannel() const {

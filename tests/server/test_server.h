@@ -13,6 +13,7 @@
 
 #include "gem/v1/ingest_service.grpc.pb.h"
 #include "gem/v1/map_service.grpc.pb.h"
+#include "gem/v1/terrain_service.grpc.pb.h"
 #include "gem/v1/tile_service.grpc.pb.h"
 #include "proto/wire/map.h"
 #include "proto/wire/scan.h"
@@ -55,6 +56,7 @@ class TestServer {
   v1::IngestService::Stub& ingest() { return *ingest_; }
   v1::TileService::Stub& tiles() { return *tiles_; }
   v1::MapService::Stub& maps() { return *maps_; }
+  v1::TerrainService::Stub& terrain() { return *terrain_; }
 
   /// One unary call with a deadline.
   template <typename Stub, typename Request, typename Response>
@@ -72,6 +74,7 @@ class TestServer {
   std::unique_ptr<v1::IngestService::Stub> ingest_;
   std::unique_ptr<v1::TileService::Stub> tiles_;
   std::unique_ptr<v1::MapService::Stub> maps_;
+  std::unique_ptr<v1::TerrainService::Stub> terrain_;
 };
 
 /// Map "site", the session given, one LiDAR "top" at the origin of B.
