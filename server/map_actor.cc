@@ -29,8 +29,8 @@ MapActor::MapActor(std::string id, const GlobalMapOptions& options, std::uint64_
       gauges_(metrics.AddMap(id_)),
       mapper_(options, epoch),
       last_commit_(Clock::now() - PeriodOf(limits.publish_hz)),
+      history_(std::make_shared<MapHistory>(mapper_.snapshot(), limits.history)),
       answers_(static_cast<std::size_t>(limits.request_ids_max)),
-      snapshot_(mapper_.snapshot()),
       thread_([this] { Run(); }) {}
 
 MapActor::~MapActor() {
@@ -124,11 +124,6 @@ void MapActor::Correct(const std::string& session, const std::string& request_id
   done(at_once);
 }
 
-std::shared_ptr<const MapSnapshot> MapActor::snapshot() const {
-  MutexLock lock(mutex_);
-  return snapshot_;
-}
-
 MapActor::Lag MapActor::lag() const {
   MutexLock lock(mutex_);
   Lag lag;
@@ -158,7 +153,10 @@ void MapActor::Stop() {
 
 void MapActor::Run() {
   Batch batch;
-  while (WaitForWork(batch)) {
+  while (true) {
+    const Waited waited = WaitForWork(batch, history_->Trim(Clock::now()));
+    if (waited == Waited::kStopped) break;
+    if (waited == Waited::kHistory) continue;
     Batch taken = std::exchange(batch, {});
     Apply(taken);
     // A stream of corrections faster than a rendering must not starve the readers.
@@ -178,7 +176,7 @@ void MapActor::Run() {
   AbandonAll();
 }
 
-bool MapActor::WaitForWork(Batch& batch) {
+MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_point> expiry) {
   const Clock::time_point next_commit = last_commit_ + PeriodOf(limits_.publish_hz);
   MutexLock lock(mutex_);
   while (!stopped_ && !urgent_ && restarts_ == 0) {
@@ -186,11 +184,13 @@ bool MapActor::WaitForWork(Batch& batch) {
     if (has_news && Clock::now() >= next_commit) break;
     if (has_news) {
       changed_.WaitUntil(mutex_, next_commit);
-    } else {
+    } else if (!expiry.has_value()) {
       changed_.Wait(mutex_);
+    } else if (!changed_.WaitUntil(mutex_, *expiry)) {
+      return Waited::kHistory;
     }
   }
-  if (stopped_) return false;
+  if (stopped_) return Waited::kStopped;
   batch.added = std::exchange(added_, {});
   batch.sessions = std::exchange(pending_, {});
   urgent_ = false;
@@ -200,7 +200,7 @@ bool MapActor::WaitForWork(Batch& batch) {
   // Under the mutex: a correction that comes later raises it again.
   cancel_.Reset();
   accepted_.NotifyAll();
-  return true;
+  return Waited::kWork;
 }
 
 void MapActor::Apply(Batch& batch) {
@@ -230,11 +230,12 @@ void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const Commit
   gauges_.Set(*snapshot);
   const MapVersion version = snapshot->version;
   Unpublished published = std::exchange(unpublished_, {});
+  const bool is_new = history_->newest()->version != version;
+  history_->Publish(std::move(snapshot), Clock::now());
   {
     MutexLock lock(mutex_);
-    if (snapshot->version != snapshot_->version) published_at_ = Clock::now();
+    if (is_new) published_at_ = Clock::now();
     taken_since_.reset();
-    snapshot_ = std::move(snapshot);
   }
   for (const PublishedCallback& done : published.published) done(version);
   for (const auto& [waiter, counts] : published.corrected) {

@@ -17,6 +17,7 @@
 #include "core/base/cancel_token.h"
 #include "core/base/mutex.h"
 #include "core/global/global_mapper.h"
+#include "server/map_history.h"
 #include "server/map_mailbox.h"
 #include "server/metrics.h"
 
@@ -29,6 +30,7 @@ struct MapActorOptions {
   int corrections_waiting_max = 1000;
   int request_ids_max = 1000;
   int commit_restarts_max = 8;
+  HistoryOptions history = {};
 };
 
 class MapActor {
@@ -56,8 +58,10 @@ class MapActor {
   void Correct(const std::string& session, const std::string& request_id,
                CorrectedTrajectory correction, CorrectionCallback done);
 
-  /// Never null.
-  std::shared_ptr<const MapSnapshot> snapshot() const;
+  /// The newest. Never null.
+  std::shared_ptr<const MapSnapshot> snapshot() const { return history_->newest(); }
+  /// What was published lately. Outlives the map for those who hold it.
+  const std::shared_ptr<MapHistory>& history() const { return history_; }
   /// How far the published map is behind.
   struct Lag {
     Clock::time_point published;  ///< when the newest revision was
@@ -92,8 +96,9 @@ class MapActor {
 
   void Run();
   void NoteNewsLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Waits until there is something to do; false: stop.
-  bool WaitForWork(Batch& batch);
+  enum class Waited { kWork, kHistory, kStopped };
+  /// Waits until there is work, or until `expiry`, when the history has something to forget.
+  Waited WaitForWork(Batch& batch, std::optional<Clock::time_point> expiry);
   void Apply(Batch& batch);
   void Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report);
   /// Answers a waiter and everybody who repeated its request.
@@ -114,6 +119,7 @@ class MapActor {
   int restarts_ = 0;
   CancelToken never_;
 
+  const std::shared_ptr<MapHistory> history_;  ///< never null; filled by the thread
   CancelToken cancel_;  ///< raised by Correct(), reset under the mutex when the thread looks
 
   mutable Mutex mutex_;
@@ -134,7 +140,6 @@ class MapActor {
   int num_waiting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool urgent_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
-  std::shared_ptr<const MapSnapshot> snapshot_ ABSL_GUARDED_BY(mutex_);
 
   std::thread thread_;
 };

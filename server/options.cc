@@ -39,6 +39,9 @@ absl::Status ValidateLimits(const ServerOptions& options) {
       InRange("corrections_waiting_max", options.corrections_waiting_max, 1, 1'000'000));
   GEM_RETURN_IF_ERROR(InRange("request_ids_max", options.request_ids_max, 1, 1'000'000));
   GEM_RETURN_IF_ERROR(InRange("commit_restarts_max", options.commit_restarts_max, 0, 1000));
+  GEM_RETURN_IF_ERROR(InRange("revision_retention_s", options.revision_retention_s, 0.0, 3600.0));
+  GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("revision_bytes_max", options.revision_bytes_max, 0,
+                                             std::uint64_t{1} << 40));
   GEM_RETURN_IF_ERROR(InRange("local_threads", options.local_threads, 1, kLocalThreadsMax));
   GEM_RETURN_IF_ERROR(InRange("worker_threads", options.worker_threads, 1, 64));
   return InRange("worker_queue_max", options.worker_queue_max, 1, 1'000'000);

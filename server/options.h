@@ -84,6 +84,12 @@ struct ServerOptions {
   /// Newer corrections may stop a rendering in hand so often; then one is let through. Range [0,
   /// 1000].
   int commit_restarts_max = 8;
+  /// A revision of a map can be read for so long after a newer one replaced it. Seconds, range [0,
+  /// 3600].
+  double revision_retention_s = 30.0;
+  /// Bytes of what only such replaced revisions hold, a map; then the oldest is forgotten early. A
+  /// correction of the whole map replaces every tile: half a megabyte each. Range [0, 2^40].
+  std::uint64_t revision_bytes_max = 256u << 20;
   /// Threads that encode tiles and convert corrections. Range [1, 64].
   int worker_threads = 2;
   /// Requests that wait for those threads. Range [1, 1e6].

@@ -42,7 +42,8 @@ MapActorOptions MapActorOptionsOf(const ServerOptions& options) {
           options.finished_submaps_waiting_max,
           options.corrections_waiting_max,
           options.request_ids_max,
-          options.commit_restarts_max};
+          options.commit_restarts_max,
+          {.retention_s = options.revision_retention_s, .bytes_max = options.revision_bytes_max}};
 }
 
 SessionActorOptions SessionActorOptionsOf(const ServerOptions& options) {

@@ -149,6 +149,10 @@ std::vector<Setting> MakeSettings() {
       GEM_SETTING("request_ids_max", request_ids_max, "answers remembered by request id, a map"),
       GEM_SETTING("commit_restarts_max", commit_restarts_max,
                   "how often newer corrections may stop one rendering"),
+      GEM_SETTING("revision_retention_s", revision_retention_s,
+                  "a replaced revision of a map can be read for so long, s"),
+      GEM_SETTING("revision_bytes_max", revision_bytes_max,
+                  "bytes that only replaced revisions hold, a map"),
       GEM_SETTING("worker_threads", worker_threads, "threads that encode tiles"),
       GEM_SETTING("worker_queue_max", worker_queue_max, "requests that wait for those threads"),
   };

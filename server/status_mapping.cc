@@ -4,6 +4,7 @@
 
 #include "google/rpc/error_details.pb.h"
 #include "proto/wire/refusal.h"
+#include "server/error_reason.h"
 #include "server/retry.h"
 
 namespace gem {
@@ -37,6 +38,12 @@ grpc::Status ToGrpc(const absl::Status& status) {
     retry.mutable_retry_delay()->set_nanos(
         static_cast<std::int32_t>((*retry_after_s - whole_s) * 1e9));
     AddDetail(retry, &details);
+  }
+  if (const std::string reason = ErrorReasonOf(status); !reason.empty()) {
+    google::rpc::ErrorInfo info;
+    info.set_reason(reason);
+    info.set_domain("gem");
+    AddDetail(info, &details);
   }
   if (details.details().empty()) return {code, message};
   return {code, message, details.SerializeAsString()};

@@ -1,4 +1,5 @@
-// absl::Status -> grpc::Status with google.rpc details: which field is wrong, when to try again.
+// absl::Status -> grpc::Status with google.rpc details: which field is wrong, when to try again, a
+// reason for programs.
 #pragma once
 
 #include <grpcpp/support/status.h>

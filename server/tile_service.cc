@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -9,19 +10,12 @@
 #include "proto/wire/map.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
+#include "server/find_snapshot.h"
 
 namespace gem {
 namespace {
 
 constexpr int kTilesOfRequest_max = 64;
-
-absl::StatusOr<std::shared_ptr<const MapSnapshot>> SnapshotOf(const Registry& registry,
-                                                              const std::string& map) {
-  GEM_RETURN_IF_ERROR(wire::CheckId(map, wire::FieldPath("map")));
-  const absl::StatusOr<std::shared_ptr<MapActor>> actor = registry.FindMap(map);
-  if (!actor.ok()) return actor.status();
-  return (*actor)->snapshot();
-}
 
 template <typename Request>
 std::vector<int> LayersOf(const Request& request) {
@@ -30,7 +24,7 @@ std::vector<int> LayersOf(const Request& request) {
 
 absl::Status GetTileMatrix(const Registry& registry, const v1::GetTileMatrixRequest& request,
                            v1::GetTileMatrixResponse* response) {
-  const auto snapshot = SnapshotOf(registry, request.map());
+  const auto snapshot = FindSnapshot(registry, request.map(), std::nullopt);
   if (!snapshot.ok()) return snapshot.status();
   const MapSnapshot& map = **snapshot;
   response->set_cell_size_m(map.options.cell_size_m);
@@ -60,7 +54,9 @@ absl::Status BatchGetTiles(const Registry& registry, Metrics& metrics,
       wire::LayersFromProto(LayersOf(request), wire::TileLayers(), wire::FieldPath("layers")));
   GEM_ASSIGN_OR_RETURN(const wire::CellEncoding encoding,
                        wire::EncodingFromProto(request.encoding(), wire::FieldPath("encoding")));
-  const auto snapshot = SnapshotOf(registry, request.map());
+  std::optional<MapVersion> at;
+  if (request.has_at()) at = wire::FromProto(request.at());
+  const auto snapshot = FindSnapshot(registry, request.map(), at);
   if (!snapshot.ok()) return snapshot.status();
   const MapSnapshot& map = **snapshot;
   std::uint64_t num_absent = 0;

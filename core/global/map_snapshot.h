@@ -24,6 +24,8 @@ struct Tile {
   std::vector<CellBelief> cells;  ///< kTileCells * kTileCells
 };
 
+using TileMap = absl::flat_hash_map<TileIndex, std::shared_ptr<const Tile>>;
+
 /// A submap as readers see it.
 struct SubmapInfo {
   SubmapOrigin origin;
@@ -46,12 +48,15 @@ struct SessionInfo {
 struct MapSnapshot {
   MapVersion version;
   GlobalMapOptions options;
-  absl::flat_hash_map<TileIndex, std::shared_ptr<const Tile>> tiles;
+  TileMap tiles;
   std::vector<SubmapInfo> submaps;    ///< by id
   std::vector<SessionInfo> sessions;  ///< by order of arrival
   std::uint64_t num_points = 0;       ///< cells in all submaps
   std::uint64_t submap_bytes = 0;
   std::int64_t newest_stamp_ns = 0;  ///< newest observation in the map
+
+  /// The tiles of a level of the pyramid, 0 to kLevelMax.
+  const TileMap& TilesOf(int /*level*/) const { return tiles; }
 };
 
 }  // namespace gem

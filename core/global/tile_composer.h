@@ -21,8 +21,6 @@ struct MapContent {
   std::vector<std::shared_ptr<const PlacedLocalMap>> local_maps;  ///< by session
 };
 
-using TileMap = absl::flat_hash_map<TileIndex, std::shared_ptr<const Tile>>;
-
 class TileComposer {
  public:
   explicit TileComposer(const GlobalMapOptions& options) : options_(options) {}

@@ -27,6 +27,9 @@ struct TileIndex {
   }
 };
 
+/// Coarsest level of the pyramid of tiles.
+inline constexpr int kLevelMax = 0;
+
 /// log2 of the cells a side of a tile.
 inline constexpr int kTileBits = 7;
 inline constexpr std::int32_t kTileCells = 1 << kTileBits;
@@ -78,6 +81,22 @@ GEM_HOST_DEVICE constexpr std::int32_t FloorMod(std::int32_t a, std::int32_t b) 
   return remainder < 0 ? remainder + b : remainder;
 }
 static_assert(FloorMod(-1, 40) == 39);
+
+/// Half-open rectangle of tiles of one level [min, max).
+struct TileRange {
+  TileIndex min;
+  TileIndex max;
+  constexpr bool Contains(TileIndex t) const {
+    return t.x >= min.x && t.x < max.x && t.y >= min.y && t.y < max.y;
+  }
+  /// 0 if it is empty.
+  constexpr std::uint64_t num_tiles() const {
+    if (min.x >= max.x || min.y >= max.y) return 0;
+    return static_cast<std::uint64_t>(std::int64_t{max.x} - min.x) *
+           static_cast<std::uint64_t>(std::int64_t{max.y} - min.y);
+  }
+  friend constexpr bool operator==(const TileRange&, const TileRange&) = default;
+};
 
 /// Half-open rectangle of cells [min, max).
 struct CellRect {
