@@ -179,9 +179,16 @@ absl::Status CudaMapper::Upload(std::span<const ScanPoint> points) {
   GEM_RETURN_IF_ERROR(hits_.Grow(points.size()));
   GEM_RETURN_IF_ERROR(sorted_hits_.Grow(points.size()));
   GEM_RETURN_IF_ERROR(sort_.Grow(static_cast<std::uint32_t>(points.size())));
-  // The scan before this one was waited for, so nothing reads the pinned points any more.
-  std::copy(points.begin(), points.end(), pinned_points_.data());
-  gpu::MemcpyToDeviceAsync(points_.data(), pinned_points_.data(), points.size_bytes(), *stream_);
+  // The scan before this one was waited for, so nothing reads the pinned points any more. In
+  // pieces: while one is on its way, the next is copied.
+  constexpr std::size_t kPiecePoints = 32768;
+  for (std::size_t i = 0; i < points.size(); i += kPiecePoints) {
+    const std::span<const ScanPoint> piece =
+        points.subspan(i, std::min(kPiecePoints, points.size() - i));
+    std::copy(piece.begin(), piece.end(), pinned_points_.data() + i);
+    gpu::MemcpyToDeviceAsync(points_.data() + i, pinned_points_.data() + i, piece.size_bytes(),
+                             *stream_);
+  }
   return absl::OkStatus();
 }
 
@@ -214,15 +221,15 @@ void CudaMapper::EnqueueStages(const Scan& scan, float growth_m2) {
   const FuseTask task{scan.stamp_ns, frame, limits_, options_.traversability_free};
   const DeviceRays rays = RaysOver(frame);
   const DeviceLayers layers = layers_.device();
-  DeviceScan device{points_.data(),    scan.points.size(), sort_.keys(),
-                    sort_.positions(), hits_.data(),       sorted_hits_.data(),
-                    runs_.data(),      changed_.data(),    counters_.data()};
+  DeviceScan device{points_.data(),    scan.points.size(), sort_.keys(),        sort_.positions(),
+                    sort_.num_items(), hits_.data(),       sorted_hits_.data(), runs_.data(),
+                    changed_.data(),   counters_.data()};
   if (growth_m2 != 0.0f) EnqueueGrow(layers, window_.num_cells(), growth_m2, limits_, *stream_);
   gpu::MarkAsync(kMoved, *stream_);
   EnqueueMeasure(frame, rays, device, *stream_);
   gpu::MarkAsync(kMeasured, *stream_);
   if (device.num_points > 0) {
-    const auto key_bits = static_cast<std::uint32_t>(std::bit_width(window_.num_cells()));
+    const auto key_bits = static_cast<std::uint32_t>(std::bit_width(window_.num_cells() - 1));
     sort_.EnqueueSort(static_cast<std::uint32_t>(device.num_points), key_bits, *stream_);
     device.keys = sort_.keys();
     device.positions = sort_.positions();

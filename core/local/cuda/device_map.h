@@ -122,12 +122,13 @@ enum Counter : std::uint32_t {
 struct DeviceScan {
   const ScanPoint* points;
   std::uint64_t num_points;  ///< fits 32 bits; wide, so that no gap of the struct holds old bytes
-  std::uint32_t* keys;       ///< a point's window index, or num_cells() if it is in no cell
+  std::uint32_t* keys;       ///< a point's window index, or gpu::kNoKey if it is in no cell
   std::uint32_t* positions;  ///< after the sort: the point's place in the scan
-  Hit* hits;                 ///< by point
-  Hit* sorted_hits;          ///< by cell, within a cell in point order
-  CellRun* runs;             ///< by window index; begin == end without points
-  std::uint8_t* changed;     ///< by window index: the elevation is new since the last annotation
+  const std::uint32_t* num_hits;  ///< after the sort: points that are in a cell
+  Hit* hits;                      ///< by point
+  Hit* sorted_hits;               ///< by cell, within a cell in point order
+  CellRun* runs;                  ///< by window index; begin == end without points
+  std::uint8_t* changed;  ///< by window index: the elevation is new since the last annotation
   std::uint32_t* counters;
 };
 

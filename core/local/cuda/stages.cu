@@ -111,7 +111,7 @@ GEM_KERNEL MeasurePoints(ScanFrame frame, DeviceRays rays, DeviceScan scan) {
     const bool in_window = beam.fate == PointFate::kInWindow;
     const std::int32_t side = frame.side_cells;
     scan.keys[i] =
-        static_cast<std::uint32_t>(in_window ? beam.row * side + beam.column : side * side);
+        in_window ? static_cast<std::uint32_t>(beam.row * side + beam.column) : gpu::kNoKey;
     if (in_window) {
       scan.hits[i] = {{ElevationOf(frame, beam), SensorVarianceOf(frame, p_S, beam)}, p_S.rgba};
     }
@@ -122,20 +122,19 @@ GEM_KERNEL MeasurePoints(ScanFrame frame, DeviceRays rays, DeviceScan scan) {
 // ---- fuse
 
 // Where the runs of equal keys begin and end; hits in the order of the keys.
-GEM_KERNEL FindRuns(DeviceScan scan, std::uint32_t num_cells) {
+GEM_KERNEL FindRuns(DeviceScan scan) {
   const std::uint32_t i = gpu::GlobalIndex();
-  if (i >= scan.num_points) return;
+  const std::uint32_t num_hits = *scan.num_hits;
+  if (i >= num_hits) return;
   const std::uint32_t key = scan.keys[i];
-  if (key >= num_cells) return;
   scan.sorted_hits[i] = scan.hits[scan.positions[i]];
   if (i == 0 || scan.keys[i - 1] != key) scan.runs[key].begin = i;
-  if (i + 1 == scan.num_points || scan.keys[i + 1] != key) scan.runs[key].end = i + 1;
+  if (i + 1 == num_hits || scan.keys[i + 1] != key) scan.runs[key].end = i + 1;
 }
 
 // Fuses the scan's points over a cell into it.
 GEM_DEVICE inline FuseOutcome FuseInto(const DeviceLayers& layers, std::uint32_t slot, Place place,
-                                       const FuseTask& task, const DeviceScan& scan,
-                                       const CellRun& run) {
+                                       const FuseTask& task, const Hit* hits, std::uint32_t count) {
   CellFusion cell;
   if (IsKnown(layers, slot)) {
     cell = UnpackCell({layers.elevation_m[slot], layers.variance_m2[slot]}, layers.rgba[slot]);
@@ -143,8 +142,8 @@ GEM_DEVICE inline FuseOutcome FuseInto(const DeviceLayers& layers, std::uint32_t
   // Zero where it is not annotated, and the limit is above zero: unknown is never free.
   const bool is_free = layers.traversability[slot] > task.traversability_free;
   const FuseOutcome outcome =
-      FuseCell(cell, scan.sorted_hits + run.begin, run.end - run.begin, is_free,
-               PoseVarianceOfCell(task.frame, place.column, place.row), task.limits);
+      FuseCell(cell, hits, count, is_free, PoseVarianceOfCell(task.frame, place.column, place.row),
+               task.limits);
   layers.elevation_m[slot] = cell.height.elevation_m;
   layers.variance_m2[slot] = cell.height.variance_m2;
   layers.rgba[slot] = PackColor(cell);
@@ -154,15 +153,37 @@ GEM_DEVICE inline FuseOutcome FuseInto(const DeviceLayers& layers, std::uint32_t
   return outcome;
 }
 
+// A warp a cell: its lanes bring the hits near, then one fuses them in their order. The fullest
+// cell decides how long it all takes, and from far each of its hits would cost a trip to memory.
+constexpr std::uint32_t kFuseCells = kThreads / gpu::kWarpLanes;  // a block
+constexpr std::uint32_t kNearHits = 512;  // a cell, as a pole gathers; one with more reads from far
+constexpr std::size_t kFuseBytes = kCountingBytes + kFuseCells * kNearHits * sizeof(Hit);
+
+GEM_DEVICE inline const Hit* BringNear(const DeviceScan& scan, const CellRun& run, Hit* near) {
+  const Hit* const hits = scan.sorted_hits + run.begin;
+  const std::uint32_t count = run.end - run.begin;
+  if (count > kNearHits) return hits;
+  for (std::uint32_t i = gpu::ThreadIndex().x % gpu::kWarpLanes; i < count; i += gpu::kWarpLanes) {
+    near[i] = hits[i];
+  }
+  return near;
+}
+
 GEM_KERNEL FuseCells(DeviceLayers layers, DeviceWindow window, FuseTask task, DeviceScan scan) {
   std::uint32_t* counts = BeginCounting();
-  const std::uint32_t index = gpu::GlobalIndex();
-  if (index < window.num_cells()) {
-    const CellRun run = scan.runs[index];
+  const std::uint32_t warp = gpu::ThreadIndex().x / gpu::kWarpLanes;
+  const std::uint32_t index = gpu::BlockIndex().x * kFuseCells + warp;
+  const bool is_cell = index < window.num_cells();
+  const CellRun run = is_cell ? scan.runs[index] : CellRun{0, 0};
+  const Hit* const hits =
+      BringNear(scan, run, reinterpret_cast<Hit*>(counts + kNumCounters) + warp * kNearHits);
+  gpu::SyncThreads();
+  if (is_cell && gpu::ThreadIndex().x % gpu::kWarpLanes == 0) {
     bool changed = false;
     if (run.begin != run.end) {
       const Place place = window.PlaceOf(index);
-      const FuseOutcome outcome = FuseInto(layers, window.SlotOf(place), place, task, scan, run);
+      const FuseOutcome outcome =
+          FuseInto(layers, window.SlotOf(place), place, task, hits, run.end - run.begin);
       changed = outcome.fused > 0;
       gpu::AtomicAdd(&counts[kFused], outcome.fused);
       gpu::AtomicAdd(&counts[kGated], outcome.gated);
@@ -262,15 +283,39 @@ GEM_KERNEL AnnotateCells(DeviceLayers layers, DeviceWindow window, LocalMapOptio
 
 // ---- clear
 
-// From here on a range bin holds the rays that end in it or later, and bin 0 all rays.
+// From here on a range bin holds the rays that end in it or later, and bin 0 all rays. The threads
+// of a column of the block share the range bins of one azimuth bin: each takes the lowest of its
+// own, then goes through them knowing what lies behind.
+constexpr std::uint32_t kRayColumns = 32, kRayShares = 8;
+constexpr std::size_t kRayBytes = kRayColumns * kRayShares * sizeof(std::uint32_t);
+
+GEM_DEVICE inline std::uint32_t Lower(std::uint32_t a, std::uint32_t b) { return a < b ? a : b; }
+
 GEM_KERNEL CompleteRays(DeviceRays rays) {
-  const auto azimuth_bin = static_cast<std::int32_t>(gpu::GlobalIndex());
-  if (azimuth_bin >= rays.bins.azimuth) return;
-  std::uint32_t lowest = kNoFloat;
-  for (std::int32_t range_bin = rays.limit; range_bin >= 0; --range_bin) {
-    std::uint32_t& slope = rays.slopes[range_bin * rays.bins.azimuth + azimuth_bin];
-    lowest = slope < lowest ? slope : lowest;
-    slope = lowest;
+  auto* lowest = static_cast<std::uint32_t*>(gpu::SharedBytes());
+  const gpu::Dim thread = gpu::ThreadIndex();
+  const auto azimuth_bin = static_cast<std::int32_t>(gpu::BlockIndex().x * kRayColumns + thread.x);
+  const bool is_bin = azimuth_bin < rays.bins.azimuth;
+  const std::int32_t num_bins = is_bin ? rays.limit + 1 : 0;
+  constexpr auto kShares = static_cast<std::int32_t>(kRayShares);
+  const std::int32_t share = (num_bins + kShares - 1) / kShares;
+  const std::int32_t begin = static_cast<std::int32_t>(thread.y) * share;
+  const std::int32_t end = begin + share < num_bins ? begin + share : num_bins;
+  std::uint32_t* const slopes = rays.slopes + azimuth_bin;
+
+  std::uint32_t own = kNoFloat;
+  for (std::int32_t bin = begin; bin < end; ++bin) {
+    own = Lower(own, slopes[bin * rays.bins.azimuth]);
+  }
+  lowest[thread.y * kRayColumns + thread.x] = own;
+  gpu::SyncThreads();
+  std::uint32_t behind = kNoFloat;
+  for (std::uint32_t other = thread.y + 1; other < kRayShares; ++other) {
+    behind = Lower(behind, lowest[other * kRayColumns + thread.x]);
+  }
+  for (std::int32_t bin = end - 1; bin >= begin; --bin) {
+    behind = Lower(behind, slopes[bin * rays.bins.azimuth]);
+    slopes[bin * rays.bins.azimuth] = behind;
   }
 }
 
@@ -320,7 +365,8 @@ GEM_KERNEL ClearCells(DeviceLayers layers, DeviceWindow window, LocalMapOptions 
       const CellRun run = scan.runs[index];
       // The cell was not confirmed, so all its points were counted as gated.
       if (run.begin != run.end) {
-        const FuseOutcome outcome = FuseInto(layers, slot, place, task, scan, run);
+        const FuseOutcome outcome =
+            FuseInto(layers, slot, place, task, scan.sorted_hits + run.begin, run.end - run.begin);
         gpu::AtomicAdd(&counts[kFusedAgain], outcome.fused);
       }
     }
@@ -365,10 +411,10 @@ void EnqueueFuse(const DeviceLayers& layers, const DeviceWindow& window, const F
   gpu::MemsetAsync(scan.runs, 0, window.num_cells() * sizeof(CellRun), stream);
   if (scan.num_points > 0) {
     gpu::Launch(FindRuns, {gpu::BlocksOver(static_cast<std::uint32_t>(scan.num_points), kThreads)},
-                {kThreads}, 0, stream, scan, window.num_cells());
+                {kThreads}, 0, stream, scan);
   }
-  gpu::Launch(FuseCells, {gpu::BlocksOver(window.num_cells(), kThreads)}, {kThreads},
-              kCountingBytes, stream, layers, window, task, scan);
+  gpu::Launch(FuseCells, {gpu::BlocksOver(window.num_cells(), kFuseCells)}, {kThreads}, kFuseBytes,
+              stream, layers, window, task, scan);
 }
 
 void EnqueueAnnotate(const DeviceLayers& layers, const DeviceWindow& window,
@@ -384,7 +430,8 @@ void EnqueueClear(const DeviceLayers& layers, const DeviceWindow& window,
                   const LocalMapOptions& options, const FuseTask& task, const DeviceRays& rays,
                   const DeviceScan& scan, gpu::Stream& stream) {
   const auto azimuth = static_cast<std::uint32_t>(rays.bins.azimuth);
-  gpu::Launch(CompleteRays, {gpu::BlocksOver(azimuth, kThreads)}, {kThreads}, 0, stream, rays);
+  gpu::Launch(CompleteRays, {gpu::BlocksOver(azimuth, kRayColumns)}, {kRayColumns, kRayShares},
+              kRayBytes, stream, rays);
   gpu::Launch(ClearCells, {gpu::BlocksOver(window.num_cells(), kThreads)}, {kThreads},
               kCountingBytes, stream, layers, window, options, task, rays, scan);
 }
