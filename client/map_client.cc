@@ -59,14 +59,33 @@ absl::StatusOr<SubmapInfo> FromProto(const v1::Submap& proto, const wire::FieldP
                     proto.finished()};
 }
 
+template <typename Proto>
+std::vector<TimingBucket> BucketsOf(const Proto& proto) {
+  std::vector<TimingBucket> buckets;
+  for (const v1::TimingBucket& bucket : proto.buckets())
+    buckets.push_back({bucket.upper_s(), bucket.count()});
+  return buckets;
+}
+
 ServerStatus FromProto(const v1::GetServerStatusResponse& proto) {
   ServerStatus status{proto.server_version(), proto.backend(), proto.uptime_s(), {}, {}};
   for (const v1::SessionStatus& s : proto.sessions())
     status.sessions.push_back({s.map(), s.robot(), s.session(), s.active(), s.connected(),
                                s.num_scans_fused(), s.num_scans_refused(), s.queue_bytes(),
-                               s.fused_seq()});
+                               s.fused_seq(), s.oldest_s()});
   for (const v1::StageTiming& t : proto.timings())
-    status.timings.push_back({t.mapper(), t.stage(), t.count(), t.total_s(), t.max_s()});
+    status.timings.push_back(
+        {t.mapper(), t.stage(), t.count(), t.total_s(), t.max_s(), BucketsOf(t)});
+  for (const v1::CallStatus& c : proto.calls())
+    status.calls.push_back({c.method(), c.num_started(), c.num_failed(), c.num_active(),
+                            c.received_bytes(), c.sent_bytes(), c.total_s(), BucketsOf(c)});
+  for (const v1::MapLag& l : proto.lags())
+    status.lags.push_back(
+        {l.map(), l.staleness_s(), l.version_age_s(), l.num_corrections_waiting()});
+  const v1::ProcessStatus& process = proto.process();
+  status.process = {process.resident_bytes(), process.cpu_s(), process.num_threads(),
+                    process.num_open_files()};
+  status.tiles = {proto.tiles().num_full(), proto.tiles().num_absent()};
   return status;
 }
 

@@ -99,14 +99,55 @@ struct SessionStatus {
   std::uint64_t num_scans_refused = 0;
   std::uint64_t queue_bytes = 0;
   std::uint64_t fused_seq = 0;
+  double oldest_s = 0;  ///< age of the oldest scan that waits or is in hand
+};
+
+/// How many took at most upper_s; the last bucket's is infinite.
+struct TimingBucket {
+  double upper_s = 0;
+  std::uint64_t count = 0;
 };
 
 struct StageTiming {
-  std::string mapper;  ///< "local" or "global"
+  std::string mapper;  ///< "local", "global" or "service"
   std::string stage;
   std::uint64_t count = 0;
   double total_s = 0;
   double max_s = 0;
+  std::vector<TimingBucket> buckets = {};
+};
+
+/// One RPC since the server's start. A stream is one call.
+struct CallStatus {
+  std::string method;
+  std::uint64_t num_started = 0;
+  std::uint64_t num_failed = 0;
+  std::uint32_t num_active = 0;
+  std::uint64_t received_bytes = 0;
+  std::uint64_t sent_bytes = 0;
+  double total_s = 0;  ///< of those that ended
+  std::vector<TimingBucket> buckets = {};
+};
+
+/// How far a map is behind its robots.
+struct MapLag {
+  std::string map;
+  double staleness_s = 0;    ///< age of the oldest news that no version shows
+  double version_age_s = 0;  ///< grows without robots
+  std::uint32_t num_corrections_waiting = 0;
+};
+
+struct ProcessStatus {
+  std::uint64_t resident_bytes = 0;
+  double cpu_s = 0;
+  std::uint32_t num_threads = 0;
+  std::uint32_t num_open_files = 0;
+};
+
+/// Tiles in answers since the server's start.
+struct TilesServed {
+  std::uint64_t num_full = 0;
+  std::uint64_t num_absent = 0;
 };
 
 struct ServerStatus {
@@ -115,6 +156,10 @@ struct ServerStatus {
   double uptime_s = 0;
   std::vector<SessionStatus> sessions;
   std::vector<StageTiming> timings;
+  std::vector<CallStatus> calls = {};
+  std::vector<MapLag> lags = {};
+  ProcessStatus process = {};
+  TilesServed tiles = {};
 };
 
 }  // namespace gem::client

@@ -1,6 +1,5 @@
 #include "server/map_service.h"
 
-#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,13 +10,13 @@
 #include "proto/wire/map.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
+#include "server/server_status.h"
 
 namespace gem {
 namespace {
 
 constexpr std::uint32_t kPageSizeDefault = 100;
 constexpr std::uint32_t kPageSizeMax = 1000;
-constexpr std::size_t kSessionsOfStatus_max = 1000;
 
 absl::StatusOr<std::size_t> PageSize(std::uint32_t page_size) {
   if (page_size > kPageSizeMax)
@@ -96,28 +95,6 @@ absl::Status ListSubmaps(const Registry& registry, const v1::ListSubmapsRequest&
   return absl::OkStatus();
 }
 
-void SessionToProto(const SessionActor& session, v1::SessionStatus* proto) {
-  const SessionMailbox::Load load = session.mailbox().load();
-  const wire::SessionSetup& setup = session.config().setup;
-  proto->set_map(setup.map);
-  proto->set_robot(setup.robot);
-  proto->set_session(setup.session);
-  proto->set_active(session.active());
-  proto->set_connected(load.connected);
-  proto->set_num_scans_fused(session.num_scans_fused());
-  proto->set_num_scans_refused(session.num_scans_refused());
-  proto->set_queue_bytes(load.queue_bytes);
-  proto->set_fused_seq(load.fused_seq);
-}
-
-void TimingToProto(const StageTotals& timing, v1::StageTiming* proto) {
-  proto->set_mapper(timing.mapper);
-  proto->set_stage(timing.stage);
-  proto->set_count(timing.count);
-  proto->set_total_s(timing.total_s);
-  proto->set_max_s(timing.max_s);
-}
-
 }  // namespace
 
 MapService::MapService(Registry& registry, const ServerOptions& options, Metrics& metrics,
@@ -155,16 +132,12 @@ grpc::ServerUnaryReactor* MapService::ListSubmaps(grpc::CallbackServerContext* c
 grpc::ServerUnaryReactor* MapService::GetServerStatus(grpc::CallbackServerContext* context,
                                                       const v1::GetServerStatusRequest* request,
                                                       v1::GetServerStatusResponse* response) {
-  return guard_.Run(context, {request, response}, get_server_status_, [&] {
+  return guard_.RunInPool(context, {request, response}, get_server_status_, [=, this] {
     response->set_server_version(GEM_VERSION);
     response->set_backend(std::string(NameOf(options_.backend)));
     response->set_uptime_s(
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count());
-    const auto sessions = registry_.Sessions();
-    for (std::size_t i = 0; i < std::min(sessions.size(), kSessionsOfStatus_max); ++i)
-      SessionToProto(*sessions[i], response->add_sessions());
-    for (const StageTotals& timing : metrics_.Timings())
-      TimingToProto(timing, response->add_timings());
+    StatusToProto(registry_, metrics_, response);
     return absl::OkStatus();
   });
 }

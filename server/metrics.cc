@@ -19,8 +19,9 @@ constexpr std::array<const char*, 4> kCellOutcomes = {"evicted", "restarted", "i
 // Every objective is an edge, so that the share of what met it is exact: 100 ms (the period of
 // scans; a scan, a correction), 5 ms (an answer with tiles), 200 ms (pose_wait_s_max).
 /// Finest where stages live.
-const Histogram::BucketBoundaries kSeconds = {0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01,
-                                              0.025,  0.05,    0.075,  0.1,   0.25,   0.5,   1.0};
+const Histogram::BucketBoundaries kSeconds = {0.00001, 0.000025, 0.00005, 0.0001, 0.00025, 0.0005,
+                                              0.001,   0.0025,   0.005,   0.01,   0.025,   0.05,
+                                              0.075,   0.1,      0.25,    0.5,    1.0};
 /// What waits in queues.
 const Histogram::BucketBoundaries kWaitSeconds = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.075,
                                                   0.1,   0.15,   0.2,   0.5,  1.0,   2.5,  10.0};
@@ -43,6 +44,18 @@ prometheus::Family<Histogram>& HistogramFamily(prometheus::Registry& registry, c
   return prometheus::BuildHistogram().Name(name).Help(help).Register(registry);
 }
 
+std::vector<TimingBucket> BucketsOf(const prometheus::ClientMetric::Histogram& histogram) {
+  std::vector<TimingBucket> buckets;
+  buckets.reserve(histogram.bucket.size());
+  for (const auto& bucket : histogram.bucket)
+    buckets.push_back({bucket.upper_bound, bucket.cumulative_count});
+  return buckets;
+}
+
+std::uint64_t CountOf(const prometheus::Counter& counter) {
+  return static_cast<std::uint64_t>(counter.Value());
+}
+
 }  // namespace
 
 void StageTimer::Observe(double seconds) {
@@ -54,8 +67,13 @@ void StageTimer::Observe(double seconds) {
 }
 
 StageTotals StageTimer::totals() const {
-  MutexLock lock(mutex_);
-  return totals_;
+  StageTotals totals;
+  {
+    MutexLock lock(mutex_);
+    totals = totals_;
+  }
+  totals.buckets = BucketsOf(histogram_.Collect().histogram);
+  return totals;
 }
 
 void MapGauges::Set(const MapSnapshot& snapshot) const {
@@ -80,8 +98,21 @@ void MethodMetrics::Begin() {
 void MethodMetrics::End(const std::string& code, double seconds) {
   series_.active.Decrement();
   series_.seconds.Observe(seconds);
+  if (code != "OK") num_failed_.fetch_add(1, std::memory_order_relaxed);
   // Not resolved once: most of the codes never happen, and a call costs far more than the look-up.
   calls_.Add({{"method", method_}, {"code", code}}).Increment();
+}
+
+MethodTotals MethodMetrics::totals() const {
+  const auto histogram = series_.seconds.Collect().histogram;
+  return {method_,
+          CountOf(series_.started),
+          num_failed_.load(std::memory_order_relaxed),
+          static_cast<int>(series_.active.Value()),
+          CountOf(series_.received_bytes),
+          CountOf(series_.sent_bytes),
+          histogram.sample_sum,
+          BucketsOf(histogram)};
 }
 
 Metrics::Metrics()
@@ -102,7 +133,8 @@ Metrics::Metrics()
       fused_scans_(
           CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason")
               .Add({{"result", "fused"}, {"reason", ""}})),
-      scan_seconds_(HistogramFamily(*registry_, "gem_scan_seconds",
+      scan_seconds_("service", "scan",
+                    HistogramFamily(*registry_, "gem_scan_seconds",
                                     "From the arrival of a scan to its place in the local map")
                         .Add({}, kWaitSeconds)),
       duplicate_scans_(
@@ -136,7 +168,8 @@ Metrics::Metrics()
       merged_submaps_(CounterFamily(*registry_, "gem_merged_submaps_total",
                                     "Submaps that were merged into a neighbour")
                           .Add({})),
-      correction_seconds_(HistogramFamily(*registry_, "gem_correction_seconds",
+      correction_seconds_("service", "correction",
+                          HistogramFamily(*registry_, "gem_correction_seconds",
                                           "From the arrival of a correction to its publication")
                               .Add({}, kWaitSeconds)),
       correction_tiles_(HistogramFamily(*registry_, "gem_correction_tiles",
@@ -237,7 +270,22 @@ std::vector<StageTotals> Metrics::Timings() const {
   std::vector<StageTotals> timings;
   for (const auto& stage : local_stages_) timings.push_back(stage->totals());
   for (const auto& stage : global_stages_) timings.push_back(stage->totals());
+  timings.push_back(scan_seconds_.totals());
+  timings.push_back(correction_seconds_.totals());
   return timings;
 }
+
+std::vector<MethodTotals> Metrics::Calls() const {
+  std::vector<MethodTotals> calls;
+  {
+    MutexLock lock(mutex_);
+    for (const auto& method : methods_) calls.push_back(method->totals());
+  }
+  std::sort(calls.begin(), calls.end(),
+            [](const auto& a, const auto& b) { return a.method < b.method; });
+  return calls;
+}
+
+TileTotals Metrics::Tiles() const { return {CountOf(full_tiles_), CountOf(absent_tiles_)}; }
 
 }  // namespace gem

@@ -10,6 +10,7 @@
 #include <prometheus/registry.h>
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -22,20 +23,45 @@
 
 namespace gem {
 
+/// How many took at most upper_s; the last bucket's is infinite.
+struct TimingBucket {
+  double upper_s = 0;
+  std::uint64_t count = 0;
+};
+
 /// How long one stage took, since the start.
 struct StageTotals {
-  std::string mapper;  ///< "local" or "global"
+  std::string mapper;  ///< "local", "global" or "service"
   std::string stage;
   std::uint64_t count = 0;
   double total_s = 0;
   double max_s = 0;
+  std::vector<TimingBucket> buckets;
+};
+
+/// One RPC, since the start.
+struct MethodTotals {
+  std::string method;
+  std::uint64_t num_started = 0;
+  std::uint64_t num_failed = 0;
+  int num_active = 0;
+  std::uint64_t received_bytes = 0;
+  std::uint64_t sent_bytes = 0;
+  double total_s = 0;
+  std::vector<TimingBucket> buckets;
+};
+
+/// Tiles in answers, since the start.
+struct TileTotals {
+  std::uint64_t num_full = 0;
+  std::uint64_t num_absent = 0;
 };
 
 /// A histogram that also knows its longest run.
 class StageTimer {
  public:
   StageTimer(std::string mapper, std::string stage, prometheus::Histogram& histogram)
-      : histogram_(histogram), totals_{std::move(mapper), std::move(stage), 0, 0, 0} {}
+      : histogram_(histogram), totals_{std::move(mapper), std::move(stage), 0, 0, 0, {}} {}
   void Observe(double seconds);
   StageTotals totals() const;
 
@@ -74,11 +100,13 @@ class MethodMetrics {
   void CountSent(std::size_t bytes) { series_.sent_bytes.Increment(static_cast<double>(bytes)); }
   /// code: "OK", "INVALID_ARGUMENT", ...
   void End(const std::string& code, double seconds);
+  MethodTotals totals() const;
 
  private:
   const std::string method_;
   prometheus::Family<prometheus::Counter>& calls_;
   const Series series_;
+  std::atomic<std::uint64_t> num_failed_{0};
 };
 
 class Metrics {
@@ -103,6 +131,9 @@ class Metrics {
   MethodMetrics& AddMethod(const std::string& method);
 
   std::vector<StageTotals> Timings() const;
+  /// By name.
+  std::vector<MethodTotals> Calls() const;
+  TileTotals Tiles() const;
 
  private:
   using Counters = prometheus::Family<prometheus::Counter>;
@@ -125,7 +156,7 @@ class Metrics {
   Counters& call_bytes_;
   Histograms& call_seconds_;
   prometheus::Counter& fused_scans_;
-  prometheus::Histogram& scan_seconds_;
+  StageTimer scan_seconds_;
   prometheus::Counter& duplicate_scans_;
   std::array<prometheus::Counter*, wire::kNumProblemReasons> refused_scans_{};
   prometheus::Counter& deskewed_scans_;
@@ -139,12 +170,12 @@ class Metrics {
   prometheus::Counter& published_commits_;
   prometheus::Counter& cancelled_commits_;
   prometheus::Counter& merged_submaps_;
-  prometheus::Histogram& correction_seconds_;
+  StageTimer correction_seconds_;
   prometheus::Histogram& correction_tiles_;
   std::vector<std::unique_ptr<StageTimer>> local_stages_;
   std::vector<std::unique_ptr<StageTimer>> global_stages_;
 
-  Mutex mutex_;
+  mutable Mutex mutex_;
   std::vector<std::unique_ptr<MethodMetrics>> methods_ ABSL_GUARDED_BY(mutex_);
 };
 

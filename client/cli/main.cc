@@ -16,6 +16,7 @@
 #include "client/cli/replay_command.h"
 #include "client/cli/simulate_command.h"
 #include "client/cli/status_command.h"
+#include "client/cli/top_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Client of the GEM elevation mapping server");
@@ -27,6 +28,7 @@ int main(int argc, char** argv) {
   gem::client::AddExportCommand(app, run);
   gem::client::AddLocalCommand(app, run);
   gem::client::AddStatusCommand(app, run);
+  gem::client::AddTopCommand(app, run);
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
   gem::client::AddEvaluateCommand(app, run);

@@ -1,78 +1,47 @@
 #include "client/cli/status_report.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/string_view.h"
+#include "client/cli/json.h"
 
 namespace gem::client {
 namespace {
-
-std::string Quoted(absl::string_view text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      quoted += {'\\', c};
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      absl::StrAppendFormat(&quoted, "\\u%04x", static_cast<unsigned>(c));
-    } else {
-      quoted += c;
-    }
-  }
-  return quoted + "\"";
-}
-
-/// JSON knows no infinity and no NaN.
-std::string Number(double value) {
-  return std::isfinite(value) ? absl::StrFormat("%.9g", value) : std::string("null");
-}
-
-absl::string_view Bool(bool value) { return value ? "true" : "false"; }
 
 double MeanMs(const StageTiming& timing) {
   return timing.count == 0 ? 0 : timing.total_s / static_cast<double>(timing.count) * 1e3;
 }
 
 std::string MapJson(const MapInfo& map) {
-  const std::string sessions = absl::StrJoin(
-      map.sessions, ",",
-      [](std::string* out, const std::string& session) { absl::StrAppend(out, Quoted(session)); });
-  return absl::StrCat("{\"id\":", Quoted(map.id), ",\"cell_size_m\":", Number(map.cell_size_m),
-                      ",\"submap_length_m\":", Number(map.submap_length_m),
-                      ",\"traversable_only\":", Bool(map.traversable_only),
-                      ",\"epoch\":", map.version.epoch, ",\"revision\":", map.version.revision,
-                      ",\"num_submaps\":", map.num_submaps, ",\"num_points\":", map.num_points,
-                      ",\"submap_bytes\":", map.submap_bytes, ",\"num_tiles\":", map.num_tiles,
-                      ",\"sessions\":[", sessions, "]}");
+  const std::string sessions =
+      absl::StrJoin(map.sessions, ",", [](std::string* out, const std::string& session) {
+        absl::StrAppend(out, JsonText(session));
+      });
+  return absl::StrCat(
+      "{\"id\":", JsonText(map.id), ",\"cell_size_m\":", JsonNumber(map.cell_size_m),
+      ",\"submap_length_m\":", JsonNumber(map.submap_length_m),
+      ",\"traversable_only\":", JsonBool(map.traversable_only), ",\"epoch\":", map.version.epoch,
+      ",\"revision\":", map.version.revision, ",\"num_submaps\":", map.num_submaps,
+      ",\"num_points\":", map.num_points, ",\"submap_bytes\":", map.submap_bytes,
+      ",\"num_tiles\":", map.num_tiles, ",\"sessions\":[", sessions, "]}");
 }
 
 std::string SessionJson(const SessionStatus& session) {
   return absl::StrCat(
-      "{\"map\":", Quoted(session.map), ",\"robot\":", Quoted(session.robot),
-      ",\"session\":", Quoted(session.session), ",\"active\":", Bool(session.active),
-      ",\"connected\":", Bool(session.connected), ",\"num_scans_fused\":", session.num_scans_fused,
+      "{\"map\":", JsonText(session.map), ",\"robot\":", JsonText(session.robot),
+      ",\"session\":", JsonText(session.session), ",\"active\":", JsonBool(session.active),
+      ",\"connected\":", JsonBool(session.connected),
+      ",\"num_scans_fused\":", session.num_scans_fused,
       ",\"num_scans_refused\":", session.num_scans_refused,
       ",\"queue_bytes\":", session.queue_bytes, ",\"fused_seq\":", session.fused_seq, "}");
 }
 
 std::string TimingJson(const StageTiming& timing) {
-  return absl::StrCat("{\"mapper\":", Quoted(timing.mapper), ",\"stage\":", Quoted(timing.stage),
-                      ",\"count\":", timing.count, ",\"mean_ms\":", Number(MeanMs(timing)),
-                      ",\"max_ms\":", Number(timing.max_s * 1e3),
-                      ",\"total_s\":", Number(timing.total_s), "}");
-}
-
-template <typename Items, typename ToJson>
-std::string JsonArray(const Items& items, ToJson to_json) {
-  return absl::StrCat("[",
-                      absl::StrJoin(items, ",",
-                                    [&](std::string* out, const auto& item) {
-                                      absl::StrAppend(out, to_json(item));
-                                    }),
-                      "]");
+  return absl::StrCat("{\"mapper\":", JsonText(timing.mapper),
+                      ",\"stage\":", JsonText(timing.stage), ",\"count\":", timing.count,
+                      ",\"mean_ms\":", JsonNumber(MeanMs(timing)),
+                      ",\"max_ms\":", JsonNumber(timing.max_s * 1e3),
+                      ",\"total_s\":", JsonNumber(timing.total_s), "}");
 }
 
 }  // namespace
@@ -104,9 +73,9 @@ std::string StatusTable(const ServerStatus& status, const std::vector<MapInfo>& 
 }
 
 std::string StatusJson(const ServerStatus& status, const std::vector<MapInfo>& maps) {
-  return absl::StrCat("{\"server_version\":", Quoted(status.server_version),
-                      ",\"backend\":", Quoted(status.backend),
-                      ",\"uptime_s\":", Number(status.uptime_s),
+  return absl::StrCat("{\"server_version\":", JsonText(status.server_version),
+                      ",\"backend\":", JsonText(status.backend),
+                      ",\"uptime_s\":", JsonNumber(status.uptime_s),
                       ",\"maps\":", JsonArray(maps, MapJson),
                       ",\"sessions\":", JsonArray(status.sessions, SessionJson),
                       ",\"timings\":", JsonArray(status.timings, TimingJson), "}\n");

@@ -284,6 +284,20 @@ TEST_F(MapClientTest, TellsTheServersState) {
     timing.set_stage("fuse");
     timing.set_count(10);
     timing.set_total_s(0.5);
+    timing.add_buckets()->set_upper_s(0.1);
+    v1::CallStatus& call = *response.add_calls();
+    call.set_method("GetMap");
+    call.set_num_started(7);
+    call.set_num_failed(2);
+    call.set_sent_bytes(900);
+    call.add_buckets()->set_count(6);
+    v1::MapLag& lag = *response.add_lags();
+    lag.set_map("yard");
+    lag.set_staleness_s(1.5);
+    lag.set_num_corrections_waiting(3);
+    response.mutable_process()->set_resident_bytes(1 << 20);
+    response.mutable_process()->set_num_threads(9);
+    response.mutable_tiles()->set_num_absent(4);
     return grpc::Status::OK;
   };
   const auto status = Client().GetServerStatus();
@@ -294,6 +308,22 @@ TEST_F(MapClientTest, TellsTheServersState) {
   EXPECT_EQ(status->sessions[0].num_scans_fused, 10u);
   ASSERT_EQ(status->timings.size(), 1u);
   EXPECT_EQ(status->timings[0].total_s, 0.5);
+  ASSERT_EQ(status->timings[0].buckets.size(), 1u);
+  EXPECT_EQ(status->timings[0].buckets[0].upper_s, 0.1);
+  ASSERT_EQ(status->calls.size(), 1u);
+  EXPECT_EQ(status->calls[0].method, "GetMap");
+  EXPECT_EQ(status->calls[0].num_started, 7u);
+  EXPECT_EQ(status->calls[0].num_failed, 2u);
+  EXPECT_EQ(status->calls[0].sent_bytes, 900u);
+  ASSERT_EQ(status->calls[0].buckets.size(), 1u);
+  EXPECT_EQ(status->calls[0].buckets[0].count, 6u);
+  ASSERT_EQ(status->lags.size(), 1u);
+  EXPECT_EQ(status->lags[0].map, "yard");
+  EXPECT_EQ(status->lags[0].staleness_s, 1.5);
+  EXPECT_EQ(status->lags[0].num_corrections_waiting, 3u);
+  EXPECT_EQ(status->process.resident_bytes, 1u << 20);
+  EXPECT_EQ(status->process.num_threads, 9u);
+  EXPECT_EQ(status->tiles.num_absent, 4u);
 }
 
 TEST_F(MapClientTest, RefusesAGeometryItDoesNotKnow) {

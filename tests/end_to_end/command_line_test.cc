@@ -43,6 +43,25 @@ TEST(CommandLine, StatusSpeaksJson) {
   EXPECT_THAT(run.output, HasSubstr("\"maps\""));
 }
 
+TEST(CommandLine, TopPrintsOneFrameIntoAPipe) {
+  const ServerProcess server;
+  const Finished text = Gem({"top", "--server", server.address(), "--once", "--interval_s", "0.1"});
+  EXPECT_EQ(text.exit_code, 0) << text.output;
+  EXPECT_THAT(text.output, HasSubstr("sessions 0 streaming"));
+  EXPECT_THAT(text.output, HasSubstr("GetServerStatus"));
+  EXPECT_THAT(text.output, testing::Not(HasSubstr("\x1b")));
+  const Finished json =
+      Gem({"top", "--server", server.address(), "--once", "--json", "--interval_s", "0.1"});
+  EXPECT_EQ(json.exit_code, 0) << json.output;
+  EXPECT_THAT(json.output, HasSubstr("\"interval_s\""));
+}
+
+TEST(CommandLine, TopSaysThatNobodyAnswers) {
+  const Finished run = Gem({"top", "--server", "127.0.0.1:1", "--once"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.output, HasSubstr("127.0.0.1:1"));
+}
+
 TEST(Server, RefusesAConfigurationWithAnUnknownKeyAndNamesTheLine) {
   const ScratchDir scratch;
   std::ofstream(scratch.File("gem.yaml")) << "map:\n  cell_size_m: 0.1\n  cell_sise_m: 0.2\n";

@@ -1,6 +1,10 @@
 // TileService and MapService: what readers get, paging, refusals.
 #include <gmock/gmock.h>
 
+#include <cmath>
+#include <map>
+#include <string>
+
 #include "tests/server/test_server.h"
 
 namespace gem {
@@ -206,10 +210,46 @@ TEST_F(Reading, TheStatusListsSessionsAndTimings) {
   EXPECT_FALSE(response.sessions(0).active());
   EXPECT_EQ(response.sessions(0).num_scans_fused(), 5u);
   EXPECT_EQ(response.sessions(0).fused_seq(), 5u);
-  ASSERT_EQ(response.timings_size(), 9);
+  EXPECT_EQ(response.sessions(0).oldest_s(), 0);
+  ASSERT_EQ(response.timings_size(), 11);
   EXPECT_EQ(response.timings(0).stage(), "move");
   EXPECT_EQ(response.timings(0).count(), 5u);
   EXPECT_GE(response.timings(0).total_s(), response.timings(0).max_s());
+  EXPECT_EQ(response.timings(9).stage(), "scan");
+  // Every run is in a bucket, and the last one, which is infinite, counts all.
+  ASSERT_GT(response.timings(9).buckets_size(), 2);
+  EXPECT_EQ(response.timings(9).buckets().rbegin()->count(), 5u);
+  EXPECT_TRUE(std::isinf(response.timings(9).buckets().rbegin()->upper_s()));
+  EXPECT_EQ(response.timings(10).stage(), "correction");
+}
+
+TEST_F(Reading, TheStatusSaysWhatIsCalledAndHowFarMapsAreBehind) {
+  v1::GetMapResponse map;
+  v1::GetMapRequest no_map;
+  no_map.set_map("nowhere");
+  ASSERT_FALSE(Get(server_.maps(), &v1::MapService::Stub::GetMap, no_map, map).ok());
+  FetchMap(server_, "site");
+  v1::GetServerStatusResponse response;
+  ASSERT_TRUE(Get(server_.maps(), &v1::MapService::Stub::GetServerStatus,
+                  v1::GetServerStatusRequest(), response)
+                  .ok());
+  std::map<std::string, v1::CallStatus> calls;
+  for (const v1::CallStatus& call : response.calls()) calls[call.method()] = call;
+  EXPECT_EQ(calls["GetMap"].num_started(), 1u);
+  EXPECT_EQ(calls["GetMap"].num_failed(), 1u);
+  EXPECT_EQ(calls["BatchGetTiles"].num_failed(), 0u);
+  EXPECT_GT(calls["BatchGetTiles"].sent_bytes(), 100u);
+  EXPECT_EQ(calls["BatchGetTiles"].buckets().rbegin()->count(), 1u);
+  EXPECT_EQ(calls["GetServerStatus"].num_active(), 1u);  // this one
+  EXPECT_EQ(calls["Ingest"].num_active(), 0u);
+  ASSERT_EQ(response.lags_size(), 1);
+  EXPECT_EQ(response.lags(0).map(), "site");
+  EXPECT_EQ(response.lags(0).staleness_s(), 0);  // the session has ended, and all of it is shown
+  EXPECT_EQ(response.lags(0).num_corrections_waiting(), 0u);
+  EXPECT_GT(response.process().resident_bytes(), 1u << 20);
+  EXPECT_GT(response.process().num_threads(), 2u);
+  EXPECT_GT(response.process().num_open_files(), 2u);
+  EXPECT_GE(response.tiles().num_full(), 1u);
 }
 
 TEST_F(Reading, TheMetricsPageHasAHistogramPerStageAndCall) {
