@@ -10,7 +10,8 @@ using prometheus::Histogram;
 
 constexpr std::array<const char*, 5> kLocalStages = {"move", "measure", "fuse", "annotate",
                                                      "clear"};
-constexpr std::array<const char*, 4> kGlobalStages = {"finish", "merge", "deform", "compose"};
+constexpr std::array<const char*, 5> kGlobalStages = {"finish", "merge", "deform", "compose",
+                                                      "coarsen"};
 constexpr std::array<const char*, 6> kPointOutcomes = {
     "fused", "gated", "outside_window", "out_of_range", "out_of_height", "on_body"};
 constexpr std::array<const char*, 4> kCellOutcomes = {"evicted", "restarted", "inflated",
@@ -232,7 +233,8 @@ void Metrics::ObserveCommit(const CommitReport& report) {
   (report.cancelled ? cancelled_commits_ : published_commits_).Increment();
   merged_submaps_.Increment(report.num_merged_submaps);
   const GlobalStageSeconds& s = report.seconds;
-  const std::array<double, kNumGlobalStages> seconds = {s.finish, s.merge, s.deform, s.compose};
+  const std::array<double, kNumGlobalStages> seconds = {s.finish, s.merge, s.deform, s.compose,
+                                                        s.coarsen};
   // 0: the stage did not run.
   for (std::size_t i = 0; i < seconds.size(); ++i)
     if (seconds[i] > 0) global_stages_[i]->Observe(seconds[i]);

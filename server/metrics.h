@@ -141,7 +141,7 @@ class Metrics {
   using Histograms = prometheus::Family<prometheus::Histogram>;
 
   static constexpr std::size_t kNumLocalStages = 5;
-  static constexpr std::size_t kNumGlobalStages = 4;
+  static constexpr std::size_t kNumGlobalStages = 5;
   static constexpr std::size_t kNumPointOutcomes = 6;
   static constexpr std::size_t kNumCellOutcomes = 4;
 

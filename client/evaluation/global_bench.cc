@@ -143,7 +143,7 @@ class Site {
 };
 
 struct Samples {
-  std::vector<double> correction_ms, deform_ms, merge_ms, compose_ms, tiles;
+  std::vector<double> correction_ms, deform_ms, merge_ms, compose_ms, coarsen_ms, tiles;
 };
 
 Samples TimeCorrections(Site& site, double begin, int count) {
@@ -156,6 +156,7 @@ Samples TimeCorrections(Site& site, double begin, int count) {
     samples.deform_ms.push_back(report.seconds.deform * 1e3);
     samples.merge_ms.push_back(report.seconds.merge * 1e3);
     samples.compose_ms.push_back(report.seconds.compose * 1e3);
+    samples.coarsen_ms.push_back(report.seconds.coarsen * 1e3);
     samples.tiles.push_back(report.num_touched_tiles);
   }
   return samples;
@@ -183,11 +184,13 @@ absl::StatusOr<GlobalBench> BenchGlobal(const GlobalBenchOptions& options) {
 
   const Samples whole = TimeCorrections(site, 0, options.num_corrections);
   bench.num_tiles = site.snapshot()->tiles.size();
+  for (const TileMap& level : site.snapshot()->coarser) bench.num_coarser_tiles += level.size();
   bench.num_touched_tiles = static_cast<std::size_t>(DistributionOf(whole.tiles).median);
   bench.correction = DistributionOf(whole.correction_ms);
   bench.deform = DistributionOf(whole.deform_ms);
   bench.merge = DistributionOf(whole.merge_ms);
   bench.compose = DistributionOf(whole.compose_ms);
+  bench.coarsen = DistributionOf(whole.coarsen_ms);
   const double compose_s = bench.compose.median * 1e-3;
   bench.known_cells_per_s = static_cast<double>(KnownCells(*site.snapshot())) / compose_s;
   bench.tile_cells_per_s =
@@ -204,19 +207,23 @@ std::string GlobalBenchJson(const GlobalBench& b) {
     return absl::StrFormat("{\"median\":%.4f,\"p95\":%.4f}", d.median, d.p95);
   };
   return absl::StrFormat(
-      "{\"submaps\":%d,\"points\":%d,\"bytes\":%d,\"tiles\":%d,\"touched_tiles\":%d,"
-      "\"correction_ms\":%s,\"deform_ms\":%s,\"merge_ms\":%s,\"compose_ms\":%s,"
+      "{\"submaps\":%d,\"points\":%d,\"bytes\":%d,\"tiles\":%d,\"coarser_tiles\":%d,"
+      "\"touched_tiles\":%d,\"correction_ms\":%s,\"deform_ms\":%s,\"merge_ms\":%s,\"compose_ms\":%"
+      "s,"
+      "\"coarsen_ms\":%s,"
       "\"known_cells_per_s\":%.0f,\"tile_cells_per_s\":%.0f,"
       "\"touched_tiles_of_tenth\":%d,\"correction_of_tenth_ms\":%s}\n",
-      b.num_submaps, b.num_points, b.size_bytes, b.num_tiles, b.num_touched_tiles, of(b.correction),
-      of(b.deform), of(b.merge), of(b.compose), b.known_cells_per_s, b.tile_cells_per_s,
-      b.num_touched_tiles_of_tenth, of(b.correction_of_tenth));
+      b.num_submaps, b.num_points, b.size_bytes, b.num_tiles, b.num_coarser_tiles,
+      b.num_touched_tiles, of(b.correction), of(b.deform), of(b.merge), of(b.compose),
+      of(b.coarsen), b.known_cells_per_s, b.tile_cells_per_s, b.num_touched_tiles_of_tenth,
+      of(b.correction_of_tenth));
 }
 
 std::string GlobalBenchTable(const GlobalBench& b) {
   std::string table = absl::StrFormat(
-      "%d submaps, %d points, %.1f MB, %d tiles\n%-34s %8s %8s\n", b.num_submaps, b.num_points,
-      static_cast<double>(b.size_bytes) * 1e-6, b.num_tiles, "ms", "median", "p95");
+      "%d submaps, %d points, %.1f MB, %d tiles, %d of coarser levels\n%-34s %8s %8s\n",
+      b.num_submaps, b.num_points, static_cast<double>(b.size_bytes) * 1e-6, b.num_tiles,
+      b.num_coarser_tiles, "ms", "median", "p95");
   const auto add = [&table](const std::string& name, const Distribution_ms& d) {
     absl::StrAppendFormat(&table, "%-34s %8.2f %8.2f\n", name, d.median, d.p95);
   };
@@ -224,6 +231,7 @@ std::string GlobalBenchTable(const GlobalBench& b) {
   add("  deform", b.deform);
   add("  merge", b.merge);
   add("  compose", b.compose);
+  add("  coarsen", b.coarsen);
   add(absl::StrFormat("correction of a tenth (%d tiles)", b.num_touched_tiles_of_tenth),
       b.correction_of_tenth);
   absl::StrAppendFormat(&table, "composed: %.1f million known cells/s, %.1f million with unknown\n",

@@ -22,13 +22,14 @@ struct GlobalBenchOptions {
 
 struct GlobalBench {
   std::size_t num_submaps = 0;
-  std::size_t num_points = 0;  ///< cells in submaps
-  std::size_t size_bytes = 0;  ///< of submaps
-  std::size_t num_tiles = 0;
+  std::size_t num_points = 0;         ///< cells in submaps
+  std::size_t size_bytes = 0;         ///< of submaps
+  std::size_t num_tiles = 0;          ///< of level 0
+  std::size_t num_coarser_tiles = 0;  ///< of all other levels
   // Of one correction that moves every submap.
   std::size_t num_touched_tiles = 0;  ///< median
   Distribution_ms correction = {};    ///< from Correct() until the snapshot is published
-  Distribution_ms deform = {}, merge = {}, compose = {};
+  Distribution_ms deform = {}, merge = {}, compose = {}, coarsen = {};
   double known_cells_per_s = 0;  ///< rendered, by all threads
   double tile_cells_per_s = 0;   ///< unknown ones included
   // Of one correction that moves the last tenth of the way only.

@@ -14,6 +14,7 @@
 #include "core/base/stopwatch.h"
 #include "core/global/coverage.h"
 #include "core/global/placement.h"
+#include "core/global/pyramid.h"
 #include "core/global/submap_merger.h"
 #include "core/global/tile_composer.h"
 
@@ -115,7 +116,8 @@ struct GlobalMapper::Impl {
                     absl::flat_hash_set<SubmapId>& changed, CommitReport& report) const;
   void PlaceLocalMaps(MapContent& next) const;
   std::shared_ptr<const MapSnapshot> Publish(const std::shared_ptr<const MapSnapshot>& old,
-                                             MapContent next, const TileComposer::Result& composed);
+                                             std::shared_ptr<MapSnapshot> fresh, MapContent next,
+                                             const TileComposer::Result& composed);
 
   // Constant after construction.
   const GlobalMapOptions options;
@@ -228,10 +230,18 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Commit(const CancelToken& cance
   const TileComposer::Result composed =
       impl_->composer.Compose(impl_->content, next, snapshot_->tiles, version, cancel);
   if (composed.cancelled) return cancelled();
+  report.seconds.compose = composed.rendered.empty() ? 0 : stopwatch.Lap();
+
+  auto fresh = std::make_shared<MapSnapshot>();
+  fresh->version = version;
+  fresh->tiles = snapshot_->tiles;
+  fresh->coarser = snapshot_->coarser;
+  TileComposer::Apply(composed, fresh->tiles);
+  if (!UpdatePyramid(composed.changed, impl_->options, cancel, *fresh)) return cancelled();
+  report.seconds.coarsen = composed.changed.empty() ? 0 : stopwatch.Lap();
   report.num_merged_submaps = maintenance.num_merged;
   report.num_touched_tiles = static_cast<std::uint32_t>(composed.rendered.size());
-  snapshot_ = impl_->Publish(snapshot_, std::move(next), composed);
-  report.seconds.compose = composed.rendered.empty() ? 0 : stopwatch.Lap();
+  snapshot_ = impl_->Publish(snapshot_, std::move(fresh), std::move(next), composed);
   return snapshot_;
 }
 
@@ -299,10 +309,11 @@ void GlobalMapper::Impl::PlaceLocalMaps(MapContent& next) const {
             [](const auto& a, const auto& b) { return a->session < b->session; });
 }
 
-// Takes over what a commit worked out; the old snapshot itself if nothing in it has changed.
+// Takes over what a commit worked out, and completes `fresh`, which has its version and tiles; the
+// old snapshot itself if nothing in it has changed.
 std::shared_ptr<const MapSnapshot> GlobalMapper::Impl::Publish(
-    const std::shared_ptr<const MapSnapshot>& old, MapContent next,
-    const TileComposer::Result& composed) {
+    const std::shared_ptr<const MapSnapshot>& old, std::shared_ptr<MapSnapshot> fresh,
+    MapContent next, const TileComposer::Result& composed) {
   const bool submaps_changed = next.submaps != content.submaps;
   content = std::move(next);
   composer.Adopt(composed);
@@ -313,40 +324,29 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Impl::Publish(
       if (placed->finished) finished[placed->id] = placed->submap;
   }
 
-  std::vector<SessionInfo> infos;
   for (const Session& session : sessions) {
     const Trajectory<Odom, Base>& odometry = session.trajectory.odometry();
     const std::int64_t newest_ns = odometry.empty() ? 0 : odometry.back().stamp_ns;
-    infos.push_back(
+    fresh->sessions.push_back(
         {session.name, session.robot, session.trajectory.T_G_O(newest_ns), session.ended});
   }
-  if (!submaps_changed && !composed.changed && Same(infos, old->sessions)) return old;
+  if (!submaps_changed && composed.changed.empty() && Same(fresh->sessions, old->sessions))
+    return old;
 
-  auto snapshot = std::make_shared<MapSnapshot>();
-  snapshot->version = {old->version.epoch, old->version.revision + 1};
-  snapshot->options = options;
-  snapshot->sessions = std::move(infos);
-  snapshot->tiles = old->tiles;
-  for (const TileComposer::Result::Rendered& rendered : composed.rendered) {
-    if (rendered.tile == nullptr) {
-      snapshot->tiles.erase(rendered.index);
-    } else {
-      snapshot->tiles[rendered.index] = rendered.tile;
-    }
-  }
+  fresh->options = options;
   bool observed = false;
   const auto observe = [&](std::int64_t stamp_ns) {
-    snapshot->newest_stamp_ns = observed ? std::max(snapshot->newest_stamp_ns, stamp_ns) : stamp_ns;
+    fresh->newest_stamp_ns = observed ? std::max(fresh->newest_stamp_ns, stamp_ns) : stamp_ns;
     observed = true;
   };
   for (const auto& placed : content.submaps) {
-    snapshot->submaps.push_back(InfoOf(*placed));
-    snapshot->num_points += placed->submap->num_cells();
-    snapshot->submap_bytes += placed->submap->size_bytes();
+    fresh->submaps.push_back(InfoOf(*placed));
+    fresh->num_points += placed->submap->num_cells();
+    fresh->submap_bytes += placed->submap->size_bytes();
     observe(placed->submap->last_stamp_ns());
   }
   for (const auto& placed : content.local_maps) observe(placed->field->newest_ns());
-  return snapshot;
+  return fresh;
 }
 
 }  // namespace gem

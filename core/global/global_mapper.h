@@ -36,6 +36,7 @@ struct GlobalStageSeconds {
   double merge = 0;    ///< maintenance
   double deform = 0;   ///< new poses of submaps and what they touch
   double compose = 0;  ///< rendering
+  double coarsen = 0;  ///< levels above 0
 };
 
 struct CommitReport {

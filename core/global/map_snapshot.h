@@ -1,6 +1,7 @@
 // A published version of the global map: immutable, so that readers hold no lock.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "absl/container/flat_hash_map.h"
+#include "core/base/check.h"
 #include "core/geometry/pose.h"
 #include "core/global/global_map_options.h"
 #include "core/global/submap.h"
@@ -19,6 +21,7 @@ namespace gem {
 /// 128x128 cells of G, by IndexInTile(). Elevation over z = 0 of G. A tile holds at least one known
 /// cell.
 struct Tile {
+  int level = 0;  ///< 0 to kLevelMax
   TileIndex index;
   MapVersion version;             ///< of its last change
   std::vector<CellBelief> cells;  ///< kTileCells * kTileCells
@@ -48,15 +51,19 @@ struct SessionInfo {
 struct MapSnapshot {
   MapVersion version;
   GlobalMapOptions options;
-  TileMap tiles;
-  std::vector<SubmapInfo> submaps;    ///< by id
-  std::vector<SessionInfo> sessions;  ///< by order of arrival
-  std::uint64_t num_points = 0;       ///< cells in all submaps
+  TileMap tiles;                           ///< of level 0
+  std::array<TileMap, kLevelMax> coarser;  ///< coarser[n - 1] is level n
+  std::vector<SubmapInfo> submaps;         ///< by id
+  std::vector<SessionInfo> sessions;       ///< by order of arrival
+  std::uint64_t num_points = 0;            ///< cells in all submaps
   std::uint64_t submap_bytes = 0;
   std::int64_t newest_stamp_ns = 0;  ///< newest observation in the map
 
-  /// The tiles of a level of the pyramid, 0 to kLevelMax.
-  const TileMap& TilesOf(int /*level*/) const { return tiles; }
+  /// The tiles of a level, 0 to kLevelMax.
+  const TileMap& TilesOf(int level) const {
+    GEM_CHECK(level >= 0 && level <= kLevelMax);
+    return level == 0 ? tiles : coarser[static_cast<std::size_t>(level - 1)];
+  }
 };
 
 }  // namespace gem

@@ -109,11 +109,11 @@ TileComposer::Result TileComposer::Compose(const MapContent& before, const MapCo
   ParallelFor(plan.jobs.size(), options_.compose_threads, [&](std::size_t i) {
     if (!cancel.cancelled()) result.rendered[i] = Run(plan.jobs[i], tiles, version);
   });
-  if (cancel.cancelled()) return {{}, false, true};
+  if (cancel.cancelled()) return {{}, {}, true};
   for (const Result::Rendered& rendered : result.rendered) {
     const auto old = tiles.find(rendered.index);
     const Tile* old_tile = old == tiles.end() ? nullptr : old->second.get();
-    if (rendered.tile.get() != old_tile) result.changed = true;
+    if (rendered.tile.get() != old_tile) result.changed.push_back(rendered.index);
   }
   return result;
 }
@@ -125,7 +125,7 @@ TileComposer::Result::Rendered TileComposer::Run(const Job& job, const TileMap& 
       published_it == tiles.end() ? nullptr : published_it->second;
   const auto as_tile = [&](TileCells cells) {
     if (published != nullptr && published->cells == cells) return published;
-    return std::make_shared<const Tile>(Tile{job.tile, version, std::move(cells)});
+    return std::make_shared<const Tile>(Tile{0, job.tile, version, std::move(cells)});
   };
 
   TileCells fresh;
@@ -150,6 +150,16 @@ TileComposer::Result::Rendered TileComposer::Run(const Job& job, const TileMap& 
     rendered.base = std::shared_ptr<const TileCells>(rendered.tile, &rendered.tile->cells);
   }
   return rendered;
+}
+
+void TileComposer::Apply(const Result& result, TileMap& tiles) {
+  for (const Result::Rendered& rendered : result.rendered) {
+    if (rendered.tile == nullptr) {
+      tiles.erase(rendered.index);
+    } else {
+      tiles[rendered.index] = rendered.tile;
+    }
+  }
 }
 
 void TileComposer::Adopt(const Result& result) {

@@ -33,7 +33,7 @@ class TileComposer {
       std::shared_ptr<const TileCells> base;  ///< submaps only; null: no known cell
     };
     std::vector<Rendered> rendered;
-    bool changed = false;  ///< some cell differs from `tiles`
+    std::vector<TileIndex> changed;  ///< rendered, and some cell differs from `tiles`
     bool cancelled = false;
   };
 
@@ -41,6 +41,9 @@ class TileComposer {
   /// whose cells come out as they were keep their version; others get `version`.
   Result Compose(const MapContent& before, const MapContent& after, const TileMap& tiles,
                  const MapVersion& version, const CancelToken& cancel) const;
+
+  /// Puts a result into the tiles that it was rendered for.
+  static void Apply(const Result& result, TileMap& tiles);
 
   /// The result is published: keeps its bases.
   void Adopt(const Result& result);

@@ -27,9 +27,6 @@ struct TileIndex {
   }
 };
 
-/// Coarsest level of the pyramid of tiles.
-inline constexpr int kLevelMax = 0;
-
 /// log2 of the cells a side of a tile.
 inline constexpr int kTileBits = 7;
 inline constexpr std::int32_t kTileCells = 1 << kTileBits;
@@ -66,6 +63,35 @@ GEM_HOST_DEVICE constexpr std::int32_t IndexInTile(CellIndex cell) {
 static_assert(TileOf({-1, 128}) == TileIndex{-1, 1});
 static_assert(OriginOf(TileOf({-1, 128})) == CellIndex{-128, 128});
 static_assert(IndexInTile({-1, 129}) == 1 * 128 + 127);
+
+/// The map is served in levels: a cell of level n covers 2x2 cells of level n - 1, and so does a
+/// tile its tiles. Level 0 has the map's cell size, level kLevelMax 64 times as much.
+inline constexpr int kLevelMax = 6;
+
+/// Edge of a cell of a level, metres.
+GEM_HOST_DEVICE constexpr double CellSizeAt(int level, double cell_size_m) {
+  return cell_size_m * (1 << level);
+}
+/// Cell of a level that covers a cell of level 0. Shifting rounds down, also below zero.
+GEM_HOST_DEVICE constexpr CellIndex CellAtLevel(int level, CellIndex cell) {
+  return {cell.x >> level, cell.y >> level};
+}
+/// Tile of a level that covers a tile of level 0.
+GEM_HOST_DEVICE constexpr TileIndex TileAtLevel(int level, TileIndex tile) {
+  return {tile.x >> level, tile.y >> level};
+}
+/// Tile of the next coarser level that covers a tile.
+GEM_HOST_DEVICE constexpr TileIndex ParentOf(TileIndex tile) { return TileAtLevel(1, tile); }
+/// Lower left one of the four tiles that a tile of the next coarser level covers.
+GEM_HOST_DEVICE constexpr TileIndex FirstChildOf(TileIndex parent) {
+  return {parent.x * 2, parent.y * 2};
+}
+static_assert(CellAtLevel(kLevelMax, {-1, 64}) == CellIndex{-1, 1});
+static_assert(CellAtLevel(1, {-3, -2}) == CellIndex{-2, -1});
+static_assert(ParentOf({-1, 3}) == TileIndex{-1, 1});
+static_assert(FirstChildOf(ParentOf({-1, 3})) == TileIndex{-2, 2});
+static_assert(TileAtLevel(3, TileOf({-1025, 1023})) == TileIndex{-2, 0});
+static_assert(TileOf(CellAtLevel(3, {-1025, 1023})) == TileAtLevel(3, TileOf({-1025, 1023})));
 
 /// Both indices in 64 bits, y above x: the key of hash grids. Order of keys is by row, then column.
 GEM_HOST_DEVICE constexpr std::uint64_t PackedKey(CellIndex cell) {

@@ -259,7 +259,7 @@ TEST_F(Reading, TheMetricsPageHasAHistogramPerStageAndCall) {
     EXPECT_EQ(
         MetricValue(page, std::string("gem_local_stage_seconds_count{stage=\"") + stage + "\"}"), 5)
         << stage;
-  for (const char* stage : {"finish", "merge", "deform", "compose"})
+  for (const char* stage : {"finish", "merge", "deform", "compose", "coarsen"})
     EXPECT_GE(
         MetricValue(page, std::string("gem_global_stage_seconds_count{stage=\"") + stage + "\"}"),
         0)

@@ -30,7 +30,7 @@ class TerrainScene {
     std::shared_ptr<Tile>& tile = tiles_[TileOf(cell)];
     if (tile == nullptr) {
       tile = std::make_shared<Tile>(
-          Tile{TileOf(cell), map_.version, std::vector<CellBelief>(kTileCells * kTileCells)});
+          Tile{0, TileOf(cell), map_.version, std::vector<CellBelief>(kTileCells * kTileCells)});
       map_.tiles[tile->index] = tile;
     }
     tile->cells[static_cast<std::size_t>(IndexInTile(cell))] = belief;
