@@ -146,7 +146,7 @@ std::vector<std::string> IngestRequestSeeds() {
 
 std::vector<std::string> TileSeeds() {
   std::vector<std::string> seeds;
-  gem::Tile tile{{-1, 2}, {3, 4}, std::vector<CellBelief>(kTileCells * kTileCells)};
+  gem::Tile tile{0, {-1, 2}, {3, 4}, std::vector<CellBelief>(kTileCells * kTileCells)};
   tile.cells[5] = {1.5f,       0.01f,         0.9f,
                    0xff102030, 1'000'000'000, kCellKnown | kCellAnnotated | kCellColored};
   v1::Tile proto;

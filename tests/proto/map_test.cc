@@ -9,7 +9,7 @@ namespace {
 
 /// All cells unknown but (3, 5), 2 s older than the newest of the map.
 Tile OneCell() {
-  Tile tile{{-2, 7}, {4, 9}, std::vector<CellBelief>(kTileCells * kTileCells)};
+  Tile tile{0, {-2, 7}, {4, 9}, std::vector<CellBelief>(kTileCells * kTileCells)};
   tile.cells[5 * 128 + 3] = {1.25f,      0.01f,         0.75f,
                              0xff0000ff, 3'000'000'000, kCellKnown | kCellAnnotated | kCellColored};
   return tile;
