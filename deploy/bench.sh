@@ -33,3 +33,6 @@ for threads in 1 2; do
   echo "$threads thread(s)"
   "$bin/gem" bench global --threads "$threads"
 done
+
+echo "== ten corrections a second beside a streaming robot, through a gem_server"
+"$bin/gem" bench corrections

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/check.h"
+#include "core/base/thread_priority.h"
 #include "proto/wire/refusal.h"
 #include "server/retry.h"
 #include "spdlog/spdlog.h"
@@ -152,6 +153,8 @@ void MapActor::Stop() {
 }
 
 void MapActor::Run() {
+  // Scans are due, corrections are only wanted soon. Rendering threads are started from here.
+  RunBehindOthers();
   Batch batch;
   while (true) {
     const Waited waited = WaitForWork(batch, history_->Trim(Clock::now()));

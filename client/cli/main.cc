@@ -8,6 +8,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "client/cli/bench_corrections.h"
 #include "client/cli/bench_local.h"
 #include "client/cli/correct_command.h"
 #include "client/cli/evaluate_command.h"
@@ -31,6 +32,7 @@ int main(int argc, char** argv) {
   gem::client::AddTopCommand(app, run);
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
+  gem::client::AddBenchCorrectionsCommand(*app.get_subcommand("bench"), run);
   gem::client::AddEvaluateCommand(app, run);
   CLI11_PARSE(app, argc, argv);
 

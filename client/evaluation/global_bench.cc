@@ -1,12 +1,12 @@
 #include "client/evaluation/global_bench.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "client/evaluation/bench_range.h"
+#include "client/evaluation/made_up_drive.h"
 #include "core/base/cancel_token.h"
 #include "core/base/check.h"
 #include "core/base/status_macros.h"
@@ -18,16 +18,6 @@ namespace gem::evaluation {
 namespace {
 
 constexpr char kSession[] = "bench";
-constexpr double kStep_m = 1.0;
-constexpr std::int64_t kStep_ns = 100'000'000;
-/// Lanes of the winding way lie so far apart that no submap is merged.
-constexpr double kLaneLength_m = 400;
-
-absl::Status CheckRange(const char* field, double value, double low, double high) {
-  if (value >= low && value <= high) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s is %g, want [%g, %g]", field, value, low, high));
-}
 
 absl::Status Validate(const GlobalBenchOptions& options) {
   GEM_RETURN_IF_ERROR(CheckRange("way_m", options.way_m, 100, 100'000));
@@ -36,22 +26,9 @@ absl::Status Validate(const GlobalBenchOptions& options) {
   return CheckRange("corrections", options.num_corrections, 1, 10'000);
 }
 
-/// Up one lane and down the next.
-Pose<Odom, Base> PoseAt(double way_m, double lane_gap_m) {
-  const double period_m = kLaneLength_m + lane_gap_m;
-  const double lane = std::floor(way_m / period_m);
-  const double along_m = std::min(way_m - lane * period_m, kLaneLength_m);
-  const double across_m = std::max(way_m - lane * period_m - kLaneLength_m, 0.0);
-  const bool back = std::fmod(lane, 2.0) == 1.0;
-  return Pose<Odom, Base>::FromYaw(
-      back ? std::numbers::pi : 0.0,
-      {back ? kLaneLength_m - along_m : along_m, lane * lane_gap_m + across_m, 0.0});
-}
-
 CellBelief GroundAt(CellIndex cell, std::int64_t stamp_ns) {
   CellBelief belief;
-  belief.elevation_m = 0.3f * std::sin(0.05f * static_cast<float>(cell.x)) +
-                       0.2f * std::cos(0.03f * static_cast<float>(cell.y));
+  belief.elevation_m = MadeUpGroundAt(cell);
   belief.variance_m2 = 4e-4f;
   belief.traversability = 0.9f;
   belief.stamp_ns = stamp_ns;
@@ -71,10 +48,11 @@ class Site {
     SubmapBuilder builder(kSession, "robot", map_options_);
     SessionUpdate update;
     std::vector<EvictedCell> evicted;
-    const auto steps = static_cast<std::int64_t>(options_.way_m / kStep_m);
+    const auto steps = static_cast<std::int64_t>(options_.way_m / kMadeUpStep_m);
     for (std::int64_t i = 0; i < steps; ++i) {
-      const std::int64_t stamp_ns = (i + 1) * kStep_ns;
-      const Pose<Odom, Base> T_O_B = PoseAt(static_cast<double>(i) * kStep_m, 2 * options_.width_m);
+      const std::int64_t stamp_ns = (i + 1) * kMadeUpStep_ns;
+      const Pose<Odom, Base> T_O_B =
+          MadeUpPoseAt(static_cast<double>(i) * kMadeUpStep_m, 2 * options_.width_m);
       update.odometry.push_back({stamp_ns, T_O_B});
       auto finished = builder.Add(stamp_ns, T_O_B, {}, evicted);
       if (finished != nullptr) update.finished.push_back(std::move(finished));
@@ -91,15 +69,7 @@ class Site {
 
   /// Bends everything after `begin` of the way, [0, 1), a little differently each time.
   CorrectionCounts Bend(double begin, int number) {
-    const auto first = static_cast<std::size_t>(begin * static_cast<double>(poses_.size()));
-    CorrectedTrajectory corrected;
-    for (std::size_t i = 0; i < poses_.size(); i += 10) {
-      const double turned = i < first ? 0.0 : static_cast<double>(i - first);
-      const double yaw_rad = turned * 1e-6 * (1 + number % 7);
-      const auto T_G_O = Pose<Global, Odom>::FromYaw(yaw_rad, {0, 0, turned * 1e-4 * (number % 5)});
-      corrected.push_back({poses_[i].stamp_ns, T_G_O * poses_[i].T_A_B});
-    }
-    auto counts = map_.Correct(kSession, std::move(corrected));
+    auto counts = map_.Correct(kSession, BendDrive(poses_, begin, number));
     GEM_CHECK(counts.ok());
     return *counts;
   }
@@ -128,7 +98,8 @@ class Site {
     const Eigen::Vector3d& base = T_O_B.translation();
     const double half_m = options_.width_m / 2;
     const CellIndex low = CellAt(base.x(), base.y() - half_m, options_.cell_size_m);
-    const CellIndex high = CellAt(base.x() + kStep_m, base.y() + half_m, options_.cell_size_m);
+    const CellIndex high =
+        CellAt(base.x() + kMadeUpStep_m, base.y() + half_m, options_.cell_size_m);
     for (std::int32_t y = low.y; y < high.y; ++y)
       for (std::int32_t x = low.x; x < high.x; ++x)
         evicted.push_back({{x, y}, GroundAt({x, y}, stamp_ns)});

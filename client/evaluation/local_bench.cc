@@ -31,7 +31,7 @@ Distribution_ms DistributionOf(std::vector<double> values_ms) {
     return values_ms[static_cast<std::size_t>(fraction *
                                               static_cast<double>(values_ms.size() - 1))];
   };
-  return {at(0.5), at(0.95)};
+  return {at(0.5), at(0.95), at(0.99)};
 }
 
 absl::StatusOr<std::vector<ScanTiming>> TimeScans(ScanSource& source, LocalBackend backend,

@@ -16,6 +16,7 @@ namespace gem::evaluation {
 struct Distribution_ms {
   double median = 0;
   double p95 = 0;
+  double p99 = 0;
 };
 /// Of values in any order. Zero of none.
 Distribution_ms DistributionOf(std::vector<double> values_ms);

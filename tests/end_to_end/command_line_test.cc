@@ -62,6 +62,18 @@ TEST(CommandLine, TopSaysThatNobodyAnswers) {
   EXPECT_THAT(run.output, HasSubstr("127.0.0.1:1"));
 }
 
+// Requirement: while a map is corrected again and again beside a streaming robot, renderings are
+// stopped and restarted; the map that is published last must be the last correction's, cell for
+// cell. The bench compares, and fails if it is not.
+TEST(CommandLine, BenchCorrectionsEndsWithTheMapOfTheLastCorrection) {
+  const Finished run = Gem({"bench", "corrections", "--way_m", "60", "--seconds", "1", "--block_s",
+                            "0.5", "--hz", "50", "--json"});
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("\"different_cells\":0"));
+  EXPECT_THAT(run.output, testing::Not(HasSubstr("\"cells\":0,")));
+  EXPECT_THAT(run.output, testing::Not(HasSubstr("\"corrections\":0,")));
+}
+
 TEST(Server, RefusesAConfigurationWithAnUnknownKeyAndNamesTheLine) {
   const ScratchDir scratch;
   std::ofstream(scratch.File("gem.yaml")) << "map:\n  cell_size_m: 0.1\n  cell_sise_m: 0.2\n";

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "proto/wire/refusal.h"
+#include "tests/core/global/scenes.h"
 
 namespace gem {
 namespace {
@@ -118,6 +119,60 @@ TEST_F(MapActorTest, RefusesSessionsItKnowsAndCorrectionsOfThoseItDoesNot) {
                 [&](const absl::StatusOr<CorrectionAnswer>& answer) { status = answer.status(); });
   EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(wire::FieldOf(status), "session");
+}
+
+// Finishing, merging and rendering happen on the map's thread with no lock held: whoever reads, or
+// feeds the map, must not wait for it. Here the thread stands still in the middle of its work.
+TEST_F(MapActorTest, NobodyWaitsForItsThread) {
+  std::promise<void> published, go_on;
+  SessionUpdate first = UpdateAt(0, 100);
+  map_->Update("s", std::move(first), [&](const absl::StatusOr<MapVersion>&) {
+    published.set_value();
+    go_on.get_future().wait();
+  });
+  published.get_future().wait();
+  const MapVersion version = map_->snapshot()->version;
+  for (int i = 1; i <= 10; ++i) map_->Update("s", UpdateAt(10 * i, 100 + i), nullptr);
+  std::promise<void> corrected;
+  map_->Correct("s", "", {{100, Pose<Global, Base>::FromTranslation(0, 0, 1)}},
+                [&](const absl::StatusOr<CorrectionAnswer>&) { corrected.set_value(); });
+  EXPECT_EQ(map_->snapshot()->version, version);
+  EXPECT_EQ(map_->lag().num_corrections, 1);
+  EXPECT_EQ(map_->sessions().size(), 1u);
+  go_on.set_value();
+  corrected.get_future().wait();
+  EXPECT_EQ(map_->snapshot()->submaps.size(), 11u);
+}
+
+// Whatever renderings were stopped and restarted on the way.
+TEST_F(MapActorTest, TheLastMapIsTheOneOfTheLastCorrectionAlone) {
+  constexpr int kRounds = 50;
+  constexpr std::int64_t kRound_ns = 10;
+  const auto trajectory = [](int round) {
+    const double turned_rad = 0.01 * round;
+    return CorrectedTrajectory{
+        {kRound_ns, Pose<Global, Base>::FromYaw(turned_rad, {0, 0, 1})},
+        {round * kRound_ns,
+         Pose<Global, Base>::FromYaw(turned_rad, {10.0 * round, 0.5 * round, 2})}};
+  };
+  GlobalMapper alone(options_, kEpoch);
+  ASSERT_TRUE(alone.AddSession("s", "r", {}).ok());
+  for (int round = 1; round <= kRounds; ++round) {
+    map_->Update("s", UpdateAt(10 * round, round * kRound_ns), nullptr);
+    ASSERT_TRUE(alone.Update("s", UpdateAt(10 * round, round * kRound_ns)).ok());
+    if (round == 1 || round == kRounds) continue;
+    // Nobody waits for the answer, so that some overtake others.
+    map_->Correct("s", "", trajectory(round), [](const absl::StatusOr<CorrectionAnswer>&) {});
+  }
+  std::promise<absl::StatusOr<CorrectionAnswer>> last;
+  map_->Correct("s", "", trajectory(kRounds),
+                [&](const absl::StatusOr<CorrectionAnswer>& answer) { last.set_value(answer); });
+  ASSERT_TRUE(last.get_future().get().ok());
+  ASSERT_TRUE(alone.Correct("s", trajectory(kRounds)).ok());
+  CommitReport report;
+  const auto want = alone.Commit(CancelToken(), report);
+  EXPECT_GT(test::NumKnown(*want), 40u);  // a turned cell may hold no centre of a cell of G
+  EXPECT_TRUE(test::SameCells(*map_->snapshot(), *want));
 }
 
 TEST_F(MapActorTest, TellsWhoWaitsThatItStops) {
