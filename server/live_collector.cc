@@ -37,14 +37,26 @@ double AgeAt(Clock::time_point now, std::optional<Clock::time_point> since) {
 
 void AppendMaps(const Registry& registry, Clock::time_point now,
                 std::vector<prometheus::MetricFamily>& families) {
+  std::vector<prometheus::ClientMetric> submaps, points, submap_bytes, tiles;
   std::vector<prometheus::ClientMetric> staleness, revision_age, correction_age, corrections;
   for (const auto& map : registry.Maps()) {
+    const std::shared_ptr<const MapSnapshot> snapshot = map->snapshot();
+    submaps.push_back(OfMap(map->id(), static_cast<double>(snapshot->submaps.size())));
+    points.push_back(OfMap(map->id(), static_cast<double>(snapshot->num_points)));
+    submap_bytes.push_back(OfMap(map->id(), static_cast<double>(snapshot->submap_bytes)));
+    tiles.push_back(OfMap(map->id(), static_cast<double>(snapshot->tiles.size())));
     const MapActor::Lag lag = map->lag();
     staleness.push_back(OfMap(map->id(), AgeAt(now, lag.oldest_waiting)));
     revision_age.push_back(OfMap(map->id(), AgeAt(now, lag.published)));
     correction_age.push_back(OfMap(map->id(), AgeAt(now, lag.oldest_correction)));
     corrections.push_back(OfMap(map->id(), lag.num_corrections));
   }
+  families.push_back(
+      Gauge("gem_submaps", "Submaps of a map, finished and growing", std::move(submaps)));
+  families.push_back(Gauge("gem_points", "Cells in the submaps of a map", std::move(points)));
+  families.push_back(
+      Gauge("gem_submap_bytes", "Memory of a map's submaps", std::move(submap_bytes)));
+  families.push_back(Gauge("gem_tiles", "Tiles of a map that hold cells", std::move(tiles)));
   families.push_back(
       Gauge("gem_map_staleness_seconds",
             "Age of the oldest news that no published revision shows; 0: the map is up to date",

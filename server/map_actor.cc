@@ -13,7 +13,11 @@
 namespace gem {
 namespace {
 
-absl::Status Stopping() { return absl::UnavailableError("the server is going away"); }
+absl::Status Deleted(const std::string& map) {
+  return wire::WithField(absl::NotFoundError(absl::StrCat(
+                             "map is ", map, ", which has been deleted, want an existing map")),
+                         "map");
+}
 
 std::chrono::nanoseconds PeriodOf(double hz) {
   return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / hz));
@@ -25,23 +29,24 @@ MapActor::MapActor(std::string id, const GlobalMapOptions& options, std::uint64_
                    const MapActorOptions& limits, Metrics& metrics)
     : id_(std::move(id)),
       options_(options),
+      epoch_(epoch),
       limits_(limits),
       metrics_(metrics),
-      gauges_(metrics.AddMap(id_)),
-      mapper_(options, epoch),
+      mapper_(std::make_unique<GlobalMapper>(options, epoch)),
       last_commit_(Clock::now() - PeriodOf(limits.publish_hz)),
-      history_(std::make_shared<MapHistory>(mapper_.snapshot(), limits.history)),
+      history_(std::make_shared<MapHistory>(mapper_->snapshot(), limits.history)),
       answers_(static_cast<std::size_t>(limits.request_ids_max)),
       thread_([this] { Run(); }) {}
 
 MapActor::~MapActor() {
   Stop();
-  thread_.join();
+  Join();
 }
 
 absl::Status MapActor::AddSession(const std::string& session, const std::string& robot,
                                   const Pose<Global, Odom>& T_G_O) {
   MutexLock lock(mutex_);
+  if (!status_.ok()) return status_;
   if (known_.contains(session))
     return absl::AlreadyExistsError(absl::StrCat("session is ", session, ", which the map ", id_,
                                                  " had before, want a new id"));
@@ -49,8 +54,8 @@ absl::Status MapActor::AddSession(const std::string& session, const std::string&
     return absl::ResourceExhaustedError(absl::StrCat("map ", id_, " has had ", sessions_.size(),
                                                      " sessions, want at most ",
                                                      limits_.sessions_max));
-  known_.insert(session);
-  sessions_.push_back(session);
+  known_[session] = sessions_.size();
+  sessions_.push_back({session, robot, T_G_O});
   added_.push_back({session, robot, T_G_O});
   NoteNewsLocked();
   changed_.NotifyOne();
@@ -60,16 +65,18 @@ absl::Status MapActor::AddSession(const std::string& session, const std::string&
 void MapActor::Update(const std::string& session, SessionUpdate update,
                       PublishedCallback published) {
   const auto finished_max = static_cast<std::size_t>(limits_.finished_submaps_waiting_max);
+  absl::Status ended;
   {
     MutexLock lock(mutex_);
     // Nothing that is finished is ever dropped, so the session waits: it alone, and only if the map
     // is that many submaps (kilometres of path) behind.
-    while (!stopped_ && pending_[session].update.finished.size() >= finished_max) {
+    while (status_.ok() && pending_[session].update.finished.size() >= finished_max) {
       urgent_ = true;
       changed_.NotifyOne();
       accepted_.Wait(mutex_);
     }
-    if (!stopped_) {
+    ended = status_;
+    if (ended.ok()) {
       PendingSession& pending = pending_[session];
       urgent_ = urgent_ || update.ended;
       Coalesce(pending, std::move(update));
@@ -79,16 +86,16 @@ void MapActor::Update(const std::string& session, SessionUpdate update,
       return;
     }
   }
-  if (published != nullptr) published(Stopping());
+  if (published != nullptr) published(ended);
 }
 
 void MapActor::Correct(const std::string& session, const std::string& request_id,
                        CorrectedTrajectory correction, CorrectionCallback done) {
-  absl::StatusOr<CorrectionAnswer> at_once = Stopping();
+  absl::StatusOr<CorrectionAnswer> at_once;
   {
     MutexLock lock(mutex_);
-    if (stopped_) {
-      // at_once says so
+    if (!status_.ok()) {
+      at_once = status_;
     } else if (!known_.contains(session)) {
       at_once =
           wire::WithField(absl::NotFoundError(absl::StrCat(
@@ -139,17 +146,52 @@ void MapActor::NoteNewsLocked() {
   if (!news_since_.has_value()) news_since_ = Clock::now();
 }
 
-std::vector<std::string> MapActor::sessions() const {
+std::optional<MapActor::SessionPage> MapActor::SessionsAfter(const std::string& after,
+                                                             std::size_t count) const {
   MutexLock lock(mutex_);
-  return sessions_;
+  SessionPage page;
+  if (!after.empty()) {
+    const auto found = known_.find(after);
+    if (found == known_.end()) return std::nullopt;
+    page.first = found->second + 1;
+  }
+  const std::size_t end = std::min(page.first + count, sessions_.size());
+  page.sessions.assign(sessions_.begin() + static_cast<std::ptrdiff_t>(page.first),
+                       sessions_.begin() + static_cast<std::ptrdiff_t>(end));
+  page.is_last = end == sessions_.size();
+  return page;
 }
 
-void MapActor::Stop() {
+MapActor::SessionPage MapActor::NewestSessions(std::size_t count) const {
   MutexLock lock(mutex_);
-  stopped_ = true;
+  SessionPage page;
+  page.first = sessions_.size() - std::min(count, sessions_.size());
+  page.sessions.assign(sessions_.begin() + static_cast<std::ptrdiff_t>(page.first),
+                       sessions_.end());
+  page.is_last = true;
+  return page;
+}
+
+absl::Status MapActor::status() const {
+  MutexLock lock(mutex_);
+  return status_;
+}
+
+void MapActor::Stop() { End(absl::UnavailableError("the server is going away")); }
+
+void MapActor::Delete() { End(Deleted(id_)); }
+
+void MapActor::End(const absl::Status& why) {
+  MutexLock lock(mutex_);
+  if (status_.ok()) status_ = why;
   cancel_.Cancel();
+  ending_.Cancel();
   changed_.NotifyAll();
   accepted_.NotifyAll();
+}
+
+void MapActor::Join() {
+  if (thread_.joinable()) thread_.join();
 }
 
 void MapActor::Run() {
@@ -166,7 +208,7 @@ void MapActor::Run() {
     const bool may_restart = restarts_ < limits_.commit_restarts_max;
     CommitReport report;
     std::shared_ptr<const MapSnapshot> snapshot =
-        mapper_.Commit(may_restart ? cancel_ : never_, report);
+        mapper_->Commit(may_restart ? cancel_ : ending_, report);
     metrics_.ObserveCommit(report);
     last_commit_ = Clock::now();
     if (report.cancelled) {
@@ -177,12 +219,13 @@ void MapActor::Run() {
     Publish(std::move(snapshot), report);
   }
   AbandonAll();
+  if (absl::IsNotFound(status())) Free();
 }
 
 MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_point> expiry) {
   const Clock::time_point next_commit = last_commit_ + PeriodOf(limits_.publish_hz);
   MutexLock lock(mutex_);
-  while (!stopped_ && !urgent_ && restarts_ == 0) {
+  while (status_.ok() && !urgent_ && restarts_ == 0) {
     const bool has_news = !added_.empty() || !pending_.empty();
     if (has_news && Clock::now() >= next_commit) break;
     if (has_news) {
@@ -193,7 +236,7 @@ MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_p
       return Waited::kHistory;
     }
   }
-  if (stopped_) return Waited::kStopped;
+  if (!status_.ok()) return Waited::kStopped;
   batch.added = std::exchange(added_, {});
   batch.sessions = std::exchange(pending_, {});
   urgent_ = false;
@@ -208,17 +251,17 @@ MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_p
 
 void MapActor::Apply(Batch& batch) {
   for (const NewSession& added : batch.added)
-    GEM_CHECK(mapper_.AddSession(added.session, added.robot, added.T_G_O).ok());
+    GEM_CHECK(mapper_->AddSession(added.session, added.robot, added.T_G_O).ok());
   for (auto& [session, pending] : batch.sessions) {
     if (pending.has_update) {
-      const absl::Status status = mapper_.Update(session, std::move(pending.update));
+      const absl::Status status = mapper_->Update(session, std::move(pending.update));
       GEM_CHECK(status.ok());  // sessions are added before they update and end once
     }
     for (PublishedCallback& published : pending.published)
       unpublished_.published.push_back(std::move(published));
     if (!pending.correction.has_value()) continue;
     const absl::StatusOr<CorrectionCounts> counts =
-        mapper_.Correct(session, *std::move(pending.correction));
+        mapper_->Correct(session, *std::move(pending.correction));
     for (CorrectionWaiter& waiter : pending.waiters) {
       if (counts.ok()) {
         unpublished_.corrected.emplace_back(std::move(waiter), *counts);
@@ -230,7 +273,6 @@ void MapActor::Apply(Batch& batch) {
 }
 
 void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report) {
-  gauges_.Set(*snapshot);
   const MapVersion version = snapshot->version;
   Unpublished published = std::exchange(unpublished_, {});
   const bool is_new = history_->newest()->version != version;
@@ -270,9 +312,11 @@ void MapActor::Answer(const CorrectionWaiter& waiter,
 
 void MapActor::AbandonAll() {
   Batch batch;
+  absl::Status why;
   {
     MutexLock lock(mutex_);
     batch.sessions = std::exchange(pending_, {});
+    why = status_;
   }
   for (auto& [session, pending] : batch.sessions) {
     for (PublishedCallback& published : pending.published)
@@ -280,9 +324,20 @@ void MapActor::AbandonAll() {
     for (CorrectionWaiter& waiter : pending.waiters)
       unpublished_.corrected.emplace_back(std::move(waiter), CorrectionCounts{});
   }
-  for (const PublishedCallback& done : unpublished_.published) done(Stopping());
-  for (const auto& [waiter, counts] : unpublished_.corrected) Answer(waiter, Stopping());
+  for (const PublishedCallback& done : unpublished_.published) done(why);
+  for (const auto& [waiter, counts] : unpublished_.corrected) Answer(waiter, why);
   unpublished_ = {};
+}
+
+void MapActor::Free() {
+  auto last = std::make_shared<MapSnapshot>();
+  const MapVersion before = snapshot()->version;
+  last->version = {before.epoch, before.revision + 1};
+  last->options = options_;
+  history_->End(std::move(last));
+  mapper_.reset();
+  MutexLock lock(mutex_);
+  published_at_ = Clock::now();
 }
 
 }  // namespace gem

@@ -12,11 +12,12 @@
 
 #include "absl/container/btree_map.h"
 #include "absl/container/btree_set.h"
-#include "absl/container/flat_hash_set.h"
+#include "absl/container/flat_hash_map.h"
 #include "absl/status/status.h"
 #include "core/base/cancel_token.h"
 #include "core/base/mutex.h"
 #include "core/global/global_mapper.h"
+#include "server/answer_memory.h"
 #include "server/map_history.h"
 #include "server/map_mailbox.h"
 #include "server/metrics.h"
@@ -44,6 +45,7 @@ class MapActor {
 
   const std::string& id() const { return id_; }
   const GlobalMapOptions& options() const { return options_; }
+  std::uint64_t epoch() const { return epoch_; }
 
   /// ALREADY_EXISTS if the id is taken, RESOURCE_EXHAUSTED at the limit.
   absl::Status AddSession(const std::string& session, const std::string& robot,
@@ -71,18 +73,36 @@ class MapActor {
     int num_corrections = 0;                             ///< without an answer
   };
   Lag lag() const;
-  /// Ids of the sessions that ever fed the map, in order of arrival.
-  std::vector<std::string> sessions() const;
 
-  /// Ends the thread; whoever waits is told UNAVAILABLE.
-  void Stop();
-
- private:
+  /// A session as it was added; what the map shows of it is in the snapshot.
   struct NewSession {
     std::string session;
     std::string robot;
     Pose<Global, Odom> T_G_O;
   };
+  struct SessionPage {
+    std::size_t first = 0;             ///< how many arrived before these
+    std::vector<NewSession> sessions;  ///< in order of arrival
+    bool is_last = false;
+  };
+  /// Up to `count` of the sessions that ever fed the map, those that arrived after the session
+  /// `after`; empty: from the first one. Nothing if there is no such session.
+  std::optional<SessionPage> SessionsAfter(const std::string& after, std::size_t count) const;
+  /// Up to `count` of the sessions that arrived last.
+  SessionPage NewestSessions(std::size_t count) const;
+
+  /// OK while the map lives. UNAVAILABLE: the server goes away; NOT_FOUND: the map was deleted. All
+  /// who wait are told so.
+  absl::Status status() const;
+  /// Ends the thread: the server goes away.
+  void Stop();
+  /// Ends the thread: the map is gone for good. What it held is freed, and who still has the map
+  /// sees a last revision in which it is empty.
+  void Delete();
+  /// Waits for the thread after Stop() or Delete(). One caller only.
+  void Join();
+
+ private:
   /// Everything that waited when the thread looked.
   struct Batch {
     std::vector<NewSession> added;
@@ -95,6 +115,7 @@ class MapActor {
   };
 
   void Run();
+  void End(const absl::Status& why);
   void NoteNewsLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   enum class Waited { kWork, kHistory, kStopped };
   /// Waits until there is work, or until `expiry`, when the history has something to forget.
@@ -104,32 +125,34 @@ class MapActor {
   /// Answers a waiter and everybody who repeated its request.
   void Answer(const CorrectionWaiter& waiter, const absl::StatusOr<CorrectionAnswer>& answer);
   void AbandonAll();
+  /// Frees what a deleted map held.
+  void Free();
 
   // Constant after construction.
   const std::string id_;
   const GlobalMapOptions options_;
+  const std::uint64_t epoch_;
   const MapActorOptions limits_;
   Metrics& metrics_;
-  const MapGauges gauges_;
 
   // The thread's own.
-  GlobalMapper mapper_;
+  std::unique_ptr<GlobalMapper> mapper_;
   Unpublished unpublished_;
   Clock::time_point last_commit_;
   int restarts_ = 0;
-  CancelToken never_;
 
   const std::shared_ptr<MapHistory> history_;  ///< never null; filled by the thread
   CancelToken cancel_;  ///< raised by Correct(), reset under the mutex when the thread looks
+  CancelToken ending_;  ///< raised when the thread is to end
 
   mutable Mutex mutex_;
   CondVar changed_;   ///< there is work
   CondVar accepted_;  ///< finished submaps were taken
   std::vector<NewSession> added_ ABSL_GUARDED_BY(mutex_);
   absl::btree_map<std::string, PendingSession> pending_ ABSL_GUARDED_BY(mutex_);
-  std::vector<std::string> sessions_ ABSL_GUARDED_BY(mutex_);
-  absl::flat_hash_set<std::string> known_ ABSL_GUARDED_BY(mutex_);
-  AnswerMemory answers_ ABSL_GUARDED_BY(mutex_);
+  std::vector<NewSession> sessions_ ABSL_GUARDED_BY(mutex_);  ///< by order of arrival
+  absl::flat_hash_map<std::string, std::size_t> known_ ABSL_GUARDED_BY(mutex_);  ///< their places
+  AnswerMemory<CorrectionAnswer> answers_ ABSL_GUARDED_BY(mutex_);
   /// Requests with an id that were taken and are not answered yet; whoever repeats one joins it.
   absl::btree_map<std::pair<std::string, std::string>, std::vector<CorrectionCallback>> in_flight_
       ABSL_GUARDED_BY(mutex_);
@@ -139,7 +162,7 @@ class MapActor {
   Clock::time_point published_at_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   int num_waiting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool urgent_ ABSL_GUARDED_BY(mutex_) = false;
-  bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
+  absl::Status status_ ABSL_GUARDED_BY(mutex_);  ///< of the map; not OK: the thread ends
 
   std::thread thread_;
 };

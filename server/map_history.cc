@@ -66,6 +66,16 @@ void MapHistory::Publish(std::shared_ptr<const MapSnapshot> snapshot, Clock::tim
   bytes_ += difference.bytes;
 }
 
+void MapHistory::End(std::shared_ptr<const MapSnapshot> last) {
+  std::deque<Replaced> dropped;  // destroyed after the lock is released, as `last` is
+  MutexLock lock(mutex_);
+  dropped.swap(replaced_);
+  bytes_ = 0;
+  for (Tombstones& of_level : tombstones_) of_level.clear();
+  floor_ = last->version.revision;
+  newest_.swap(last);
+}
+
 std::optional<Clock::time_point> MapHistory::Trim(Clock::time_point now) {
   std::vector<Replaced> dropped;  // destroyed after the lock is released
   MutexLock lock(mutex_);

@@ -40,6 +40,9 @@ class MapHistory {
   // By the one thread that publishes.
   /// Nothing happens if the snapshot's version is the newest already.
   void Publish(std::shared_ptr<const MapSnapshot> snapshot, Clock::time_point now);
+  /// The map is gone for good: `last` is the newest for ever, and everything before it is
+  /// forgotten.
+  void End(std::shared_ptr<const MapSnapshot> last);
   /// Forgets what is too old or too much; says when there will be something too old again. Apart
   /// from Publish(), because freeing hundreds of megabytes takes a while.
   std::optional<Clock::time_point> Trim(Clock::time_point now);

@@ -15,22 +15,4 @@ void Coalesce(PendingSession& pending, SessionUpdate update) {
   pending.has_update = true;
 }
 
-const CorrectionAnswer* AnswerMemory::Find(const std::string& session,
-                                           const std::string& request_id) const {
-  if (request_id.empty()) return nullptr;
-  const auto found = answers_.find(Key(session, request_id));
-  return found == answers_.end() ? nullptr : &found->second;
-}
-
-void AnswerMemory::Remember(const std::string& session, const std::string& request_id,
-                            const CorrectionAnswer& answer) {
-  if (request_id.empty()) return;
-  Key key(session, request_id);
-  if (!answers_.emplace(key, answer).second) return;
-  order_.push_back(std::move(key));
-  if (order_.size() <= answers_max_) return;
-  answers_.erase(order_.front());
-  order_.pop_front();
-}
-
 }  // namespace gem

@@ -2,17 +2,12 @@
 // map actor guards it.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "absl/container/btree_map.h"
-#include "absl/container/flat_hash_map.h"
 #include "absl/status/statusor.h"
 #include "core/global/global_mapper.h"
 #include "server/ingest_message.h"
@@ -50,21 +45,5 @@ struct PendingSession {
 
 /// Adds `update` to what waits.
 void Coalesce(PendingSession& pending, SessionUpdate update);
-
-/// Answers by session and request id, oldest forgotten first.
-class AnswerMemory {
- public:
-  explicit AnswerMemory(std::size_t answers_max) : answers_max_(answers_max) {}
-  const CorrectionAnswer* Find(const std::string& session, const std::string& request_id) const;
-  /// Nothing for an empty request id.
-  void Remember(const std::string& session, const std::string& request_id,
-                const CorrectionAnswer& answer);
-
- private:
-  using Key = std::pair<std::string, std::string>;
-  const std::size_t answers_max_;
-  absl::flat_hash_map<Key, CorrectionAnswer> answers_;
-  std::deque<Key> order_;
-};
 
 }  // namespace gem

@@ -77,13 +77,6 @@ StageTotals StageTimer::totals() const {
   return totals;
 }
 
-void MapGauges::Set(const MapSnapshot& snapshot) const {
-  submaps->Set(static_cast<double>(snapshot.submaps.size()));
-  points->Set(static_cast<double>(snapshot.num_points));
-  submap_bytes->Set(static_cast<double>(snapshot.submap_bytes));
-  tiles->Set(static_cast<double>(snapshot.tiles.size()));
-}
-
 MethodMetrics::MethodMetrics(std::string method, prometheus::Family<prometheus::Counter>& calls,
                              const Series& series)
     : method_(std::move(method)), calls_(calls), series_(series) {
@@ -118,10 +111,6 @@ MethodTotals MethodMetrics::totals() const {
 
 Metrics::Metrics()
     : registry_(std::make_shared<prometheus::Registry>()),
-      submaps_(GaugeFamily(*registry_, "gem_submaps", "Submaps of a map, finished and growing")),
-      points_(GaugeFamily(*registry_, "gem_points", "Cells in the submaps of a map")),
-      submap_bytes_(GaugeFamily(*registry_, "gem_submap_bytes", "Memory of a map's submaps")),
-      tiles_(GaugeFamily(*registry_, "gem_tiles", "Tiles of a map that hold cells")),
       calls_(CounterFamily(*registry_, "gem_rpc_total", "Calls by method and code")),
       started_calls_(CounterFamily(*registry_, "gem_rpc_started_total", "Calls that began")),
       active_calls_(
@@ -248,12 +237,6 @@ void Metrics::ObserveCorrection(double seconds, std::uint32_t num_touched_tiles)
 void Metrics::CountTiles(std::uint64_t num_full, std::uint64_t num_absent) {
   full_tiles_.Increment(static_cast<double>(num_full));
   absent_tiles_.Increment(static_cast<double>(num_absent));
-}
-
-MapGauges Metrics::AddMap(const std::string& map) {
-  const prometheus::Labels labels = {{"map", map}};
-  return {&submaps_.Add(labels), &points_.Add(labels), &submap_bytes_.Add(labels),
-          &tiles_.Add(labels)};
 }
 
 MethodMetrics& Metrics::AddMethod(const std::string& method) {

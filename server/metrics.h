@@ -1,5 +1,5 @@
 // Everything that /metrics shows, except what is computed when it is asked (live_collector.h).
-// Handles are resolved once; no label is chosen by a robot, maps are bounded by maps_max.
+// Handles are resolved once; no label is chosen by a client.
 // Thread-safe.
 #pragma once
 
@@ -71,15 +71,6 @@ class StageTimer {
   StageTotals totals_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// The gauges of one map.
-struct MapGauges {
-  prometheus::Gauge* submaps = nullptr;
-  prometheus::Gauge* points = nullptr;
-  prometheus::Gauge* submap_bytes = nullptr;
-  prometheus::Gauge* tiles = nullptr;
-  void Set(const MapSnapshot& snapshot) const;
-};
-
 /// One RPC of the API. Each call begins once and ends once, whatever becomes of it.
 class MethodMetrics {
  public:
@@ -126,7 +117,6 @@ class Metrics {
   /// From the arrival of a correction to its publication, and the tiles that were rendered for it.
   void ObserveCorrection(double seconds, std::uint32_t num_touched_tiles);
   void CountTiles(std::uint64_t num_full, std::uint64_t num_absent);
-  MapGauges AddMap(const std::string& map);
   /// The reference stays valid as long as the Metrics.
   MethodMetrics& AddMethod(const std::string& method);
 
@@ -146,10 +136,6 @@ class Metrics {
   static constexpr std::size_t kNumCellOutcomes = 4;
 
   std::shared_ptr<prometheus::Registry> registry_;
-  Gauges& submaps_;
-  Gauges& points_;
-  Gauges& submap_bytes_;
-  Gauges& tiles_;
   Counters& calls_;
   Counters& started_calls_;
   Gauges& active_calls_;

@@ -44,6 +44,7 @@ absl::Status ValidateLimits(const ServerOptions& options) {
                                              std::uint64_t{1} << 40));
   GEM_RETURN_IF_ERROR(InRange("local_threads", options.local_threads, 1, kLocalThreadsMax));
   GEM_RETURN_IF_ERROR(InRange("worker_threads", options.worker_threads, 1, 64));
+  GEM_RETURN_IF_ERROR(InRange("admin_threads", options.admin_threads, 1, 64));
   return InRange("worker_queue_max", options.worker_queue_max, 1, 1'000'000);
 }
 

@@ -92,8 +92,11 @@ struct ServerOptions {
   std::uint64_t revision_bytes_max = 256u << 20;
   /// Threads that encode tiles and convert corrections. Range [1, 64].
   int worker_threads = 2;
-  /// Requests that wait for those threads. Range [1, 1e6].
+  /// Requests that wait for those threads, and for the next ones. Range [1, 1e6].
   int worker_queue_max = 256;
+  /// Threads that delete maps, which waits for threads: no reader of tiles waits behind it. Range
+  /// [1, 64].
+  int admin_threads = 2;
 };
 
 /// INVALID_ARGUMENT: "sessions_max is 0, want [1, 10000]".

@@ -4,6 +4,8 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/string_view.h"
 #include "core/base/status_macros.h"
 #include "proto/wire/refusal.h"
 #include "server/retry.h"
@@ -13,21 +15,25 @@ namespace gem {
 namespace {
 
 constexpr double kRetryAfter_s = 5;
+/// Sessions that a refusal lists by name.
+constexpr std::size_t kSessionsNamed_max = 10;
 
-/// Core names its own options ("map.cell_size_m is ..."): the robot must read its field.
-absl::Status UnderOpen(const absl::Status& status, const std::string& prefix,
-                       const std::string& field_prefix) {
+/// Core names its own options ("map.cell_size_m is ..."): the caller must read its field.
+absl::Status UnderRequest(const absl::Status& status, const std::string& prefix,
+                          const std::string& field_prefix) {
   std::string text(status.message());
   if (text.rfind(prefix, 0) == 0) text = field_prefix + text.substr(prefix.size());
   const std::string field = text.substr(0, text.find(' '));
   return wire::WithField(absl::InvalidArgumentError(text), field);
 }
 
-absl::Status HasEnded(const std::string& session) {
+absl::Status HasEnded(const std::string& session, const char* how = "has ended") {
   return wire::WithField(absl::FailedPreconditionError(absl::StrCat(
-                             "open.session is ", session, ", which has ended, want a new id")),
+                             "open.session is ", session, ", which ", how, ", want a new id")),
                          "open.session");
 }
+
+absl::Status GoingAway() { return absl::UnavailableError("the server is going away"); }
 
 wire::PoseCovariance DefaultCovariance(const ServerOptions& options) {
   const double rotation = options.pose_sigma_rotation_rad;
@@ -54,7 +60,12 @@ SessionActorOptions SessionActorOptionsOf(const ServerOptions& options) {
 }  // namespace
 
 Registry::Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& metrics)
-    : options_(options), epoch_(epoch), metrics_(metrics) {}
+    : options_(options),
+      metrics_(metrics),
+      next_epoch_(epoch),
+      made_(static_cast<std::size_t>(options.request_ids_max)),
+      deleted_(static_cast<std::size_t>(options.request_ids_max)),
+      cut_off_(static_cast<std::size_t>(options.request_ids_max)) {}
 
 Registry::~Registry() { Stop(); }
 
@@ -63,10 +74,12 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::OpenSession(
   // Destroyed after the lock is released: that joins threads.
   std::vector<std::shared_ptr<SessionActor>> forgotten;
   MutexLock lock(mutex_);
-  if (stopped_) return absl::UnavailableError("the server is going away");
+  if (stopped_) return GoingAway();
   const auto found = sessions_.find(SessionKey(setup.map, setup.session));
   if (found == sessions_.end()) {
-    forgotten = ForgetLocked();
+    if (cut_off_.Find(setup.map, setup.session) != nullptr)
+      return HasEnded(setup.session, "ended when its map was deleted");
+    forgotten = ForgetEndedLocked();
     return AddSessionLocked(setup);
   }
   const SessionActor& session = *found->second;
@@ -89,7 +102,7 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::AddSessionLocked(
     return WithRetry(absl::ResourceExhaustedError(absl::StrCat(
                          num_active, " sessions are open, want at most ", options_.sessions_max)),
                      kRetryAfter_s);
-  absl::StatusOr<std::shared_ptr<MapActor>> map = FindOrAddMapLocked(setup);
+  absl::StatusOr<std::shared_ptr<MapActor>> map = FindOrMakeMapLocked(setup);
   if (!map.ok()) return map.status();
 
   SessionConfig config;
@@ -103,7 +116,7 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::AddSessionLocked(
   config.scan_limits = {options_.scan_bytes_max, options_.points_max};
   config.default_covariance = DefaultCovariance(options_);
   if (const absl::Status status = Validate(config.local_map); !status.ok())
-    return UnderOpen(status, "local_map.", "open.local_map.");
+    return UnderRequest(status, "local_map.", "open.local_map.");
 
   const absl::Status added = (*map)->AddSession(setup.session, setup.robot, setup.T_G_O);
   if (absl::IsAlreadyExists(added)) return HasEnded(setup.session);
@@ -120,25 +133,117 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::AddSessionLocked(
   return session;
 }
 
-absl::StatusOr<std::shared_ptr<MapActor>> Registry::FindOrAddMapLocked(
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::FindOrMakeMapLocked(
     const wire::SessionSetup& setup) {
   const auto found = maps_.find(setup.map);
-  if (found != maps_.end()) {
-    GEM_RETURN_IF_ERROR(setup.map_setup.CheckAgainst(found->second->options()));
-    return found->second;
-  }
+  // Entered into the books only when its first session is: a refused one leaves no map behind.
+  if (found == maps_.end()) return MakeMapLocked(setup.map, setup.map_setup, "open.map_setup.");
+  GEM_RETURN_IF_ERROR(setup.map_setup.CheckAgainst(found->second->options()));
+  return found->second;
+}
+
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::MakeMapLocked(const std::string& map,
+                                                                  const wire::MapSetup& setup,
+                                                                  const std::string& field) {
   if (maps_.size() >= static_cast<std::size_t>(options_.maps_max))
     return absl::ResourceExhaustedError(
         absl::StrCat("there are ", maps_.size(), " maps, want at most ", options_.maps_max));
-  const GlobalMapOptions map_options = setup.map_setup.Over(options_.map);
+  const GlobalMapOptions map_options = setup.Over(options_.map);
   if (const absl::Status status = Validate(map_options); !status.ok())
-    return UnderOpen(status, "map.", "open.map_setup.");
-  // Entered into the books only when its first session is: a refused one leaves no map behind.
-  return std::make_shared<MapActor>(setup.map, map_options, epoch_, MapActorOptionsOf(options_),
+    return UnderRequest(status, "map.", field);
+  return std::make_shared<MapActor>(map, map_options, next_epoch_++, MapActorOptionsOf(options_),
                                     metrics_);
 }
 
-std::vector<std::shared_ptr<SessionActor>> Registry::ForgetLocked() {
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::CreateMap(const std::string& map,
+                                                              const wire::MapSetup& setup,
+                                                              const std::string& request_id) {
+  MutexLock lock(mutex_);
+  if (stopped_) return GoingAway();
+  const auto found = maps_.find(map);
+  if (const std::uint64_t* epoch = made_.Find(map, request_id)) {
+    if (found != maps_.end() && found->second->epoch() == *epoch) return found->second;
+    return wire::WithField(absl::FailedPreconditionError(
+                               absl::StrCat("request_id is ", request_id, ", which made a map ",
+                                            map, " that has been deleted, want a new id")),
+                           "request_id");
+  }
+  if (found != maps_.end())
+    return wire::WithField(
+        absl::AlreadyExistsError(absl::StrCat("map is ", map, ", which exists, want a new id")),
+        "map");
+  auto made = MakeMapLocked(map, setup, "setup.");
+  if (!made.ok()) return made.status();
+  maps_[map] = *made;
+  made_.Remember(map, request_id, (*made)->epoch());
+  spdlog::info("map {} created", map);
+  return made;
+}
+
+absl::Status Registry::DeleteMap(const std::string& id, const std::string& request_id, bool force) {
+  std::shared_ptr<MapActor> map;
+  std::vector<std::shared_ptr<SessionActor>> sessions;
+  {
+    MutexLock lock(mutex_);
+    if (stopped_) return GoingAway();
+    if (deleted_.Find(id, request_id) != nullptr) return absl::OkStatus();
+    absl::StatusOr<std::shared_ptr<MapActor>> found = FindMapLocked(id);
+    if (!found.ok()) return found.status();
+    map = *std::move(found);
+    if (!force) GEM_RETURN_IF_ERROR(CheckUnfedLocked(id));
+    sessions = TakeOutLocked(id);
+    deleted_.Remember(id, request_id, map->epoch());
+  }
+  // From here on nobody finds them: a session that is opened now feeds a new map.
+  spdlog::info("map {} deleted, with {} sessions", id, sessions.size());
+  map->Delete();
+  for (const auto& session : sessions) session->Abandon(map->status());
+  for (const auto& session : sessions) session->Join();
+  map->Join();
+  return absl::OkStatus();
+}
+
+absl::Status Registry::CheckUnfedLocked(const std::string& map) const {
+  std::vector<absl::string_view> names;
+  std::size_t num_more = 0;
+  for (const auto& session : by_age_) {
+    if (session->map()->id() != map || !session->feeds_map()) continue;
+    if (names.size() < kSessionsNamed_max) {
+      names.push_back(session->config().setup.session);
+    } else {
+      ++num_more;
+    }
+  }
+  if (names.empty()) return absl::OkStatus();
+  const std::string more = num_more == 0 ? "" : absl::StrCat(" and ", num_more, " more");
+  return wire::WithField(absl::FailedPreconditionError(absl::StrCat(
+                             "map is ", map, ", which is fed by the sessions ",
+                             absl::StrJoin(names, ", "), more, ", want none, or force")),
+                         "map");
+}
+
+std::vector<std::shared_ptr<SessionActor>> Registry::TakeOutLocked(const std::string& map) {
+  std::vector<std::shared_ptr<SessionActor>> sessions;
+  for (const auto& session : by_age_)
+    if (session->map()->id() == map) sessions.push_back(session);
+  for (const auto& session : sessions) {
+    const std::string& id = session->config().setup.session;
+    if (session->feeds_map()) cut_off_.Remember(map, id, session->map()->epoch());
+    ForgetLocked(*session);
+  }
+  std::erase_if(by_age_, [&](const auto& session) { return session->map()->id() == map; });
+  maps_.erase(map);
+  return sessions;
+}
+
+void Registry::ForgetLocked(const SessionActor& session) {
+  const wire::SessionSetup& setup = session.config().setup;
+  sessions_.erase(SessionKey(setup.map, setup.session));
+  const auto robot = robots_.find(setup.robot);
+  if (robot != robots_.end() && robot->second.get() == &session) robots_.erase(robot);
+}
+
+std::vector<std::shared_ptr<SessionActor>> Registry::ForgetEndedLocked() {
   std::vector<std::shared_ptr<SessionActor>> forgotten;
   auto num_ended = std::count_if(by_age_.begin(), by_age_.end(),
                                  [](const auto& session) { return !session->active(); });
@@ -147,10 +252,7 @@ std::vector<std::shared_ptr<SessionActor>> Registry::ForgetLocked() {
       ++it;
       continue;
     }
-    const wire::SessionSetup& setup = (*it)->config().setup;
-    sessions_.erase(SessionKey(setup.map, setup.session));
-    const auto robot = robots_.find(setup.robot);
-    if (robot != robots_.end() && robot->second == *it) robots_.erase(robot);
+    ForgetLocked(**it);
     forgotten.push_back(std::move(*it));
     it = by_age_.erase(it);
     --num_ended;
@@ -168,6 +270,10 @@ std::shared_ptr<SessionActor> Registry::FindSession(const wire::SessionSetup& se
 
 absl::StatusOr<std::shared_ptr<MapActor>> Registry::FindMap(const std::string& map) const {
   MutexLock lock(mutex_);
+  return FindMapLocked(map);
+}
+
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::FindMapLocked(const std::string& map) const {
   const auto found = maps_.find(map);
   if (found != maps_.end()) return found->second;
   return wire::WithField(

@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "core/base/mutex.h"
 #include "proto/wire/session_setup.h"
+#include "server/answer_memory.h"
 #include "server/map_actor.h"
 #include "server/metrics.h"
 #include "server/options.h"
@@ -23,7 +24,8 @@ namespace gem {
 
 class Registry {
  public:
-  /// options are valid. epoch: of the versions of all maps.
+  /// options are valid. epoch: of the first map that is made; each one after it has the next, so
+  /// that a map that is made again under an id is not taken for the one before.
   Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& metrics);
   ~Registry();
 
@@ -31,6 +33,18 @@ class Registry {
   /// field of open: INVALID_ARGUMENT, FAILED_PRECONDITION (the map or the session is not as the
   /// setup says, or has ended), RESOURCE_EXHAUSTED. A resumed session keeps its first setup.
   absl::StatusOr<std::shared_ptr<SessionActor>> OpenSession(const wire::SessionSetup& setup);
+
+  /// Makes an empty map. ALREADY_EXISTS if there is one with the id, unless the same request made
+  /// it; FAILED_PRECONDITION if the map that the request made has been deleted meanwhile.
+  /// INVALID_ARGUMENT names the field of setup; RESOURCE_EXHAUSTED.
+  absl::StatusOr<std::shared_ptr<MapActor>> CreateMap(const std::string& map,
+                                                      const wire::MapSetup& setup,
+                                                      const std::string& request_id);
+  /// Forgets a map and its sessions; streams, and all who wait for it, are told NOT_FOUND. It may
+  /// be made again at once. NOT_FOUND; FAILED_PRECONDITION names the sessions that feed it, unless
+  /// force is set. Blocks until the map's threads have ended and its memory is free: not for gRPC's
+  /// threads.
+  absl::Status DeleteMap(const std::string& map, const std::string& request_id, bool force);
 
   /// The session if it is known, ended or not, and the robot's own; else null.
   std::shared_ptr<SessionActor> FindSession(const wire::SessionSetup& setup) const;
@@ -50,16 +64,29 @@ class Registry {
  private:
   using SessionKey = std::pair<std::string, std::string>;  ///< map, session
 
-  absl::StatusOr<std::shared_ptr<MapActor>> FindOrAddMapLocked(const wire::SessionSetup& setup)
+  absl::StatusOr<std::shared_ptr<MapActor>> FindMapLocked(const std::string& map) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<std::shared_ptr<MapActor>> FindOrMakeMapLocked(const wire::SessionSetup& setup)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Does not enter it into the books. field: of the request, for errors.
+  absl::StatusOr<std::shared_ptr<MapActor>> MakeMapLocked(const std::string& map,
+                                                          const wire::MapSetup& setup,
+                                                          const std::string& field)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<SessionActor>> AddSessionLocked(const wire::SessionSetup& setup)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Takes the ended sessions that are too many out of the books.
-  std::vector<std::shared_ptr<SessionActor>> ForgetLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::vector<std::shared_ptr<SessionActor>> ForgetEndedLocked()
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void ForgetLocked(const SessionActor& session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// FAILED_PRECONDITION names the sessions that feed the map.
+  absl::Status CheckUnfedLocked(const std::string& map) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Takes a map and its sessions, which are returned, out of the books.
+  std::vector<std::shared_ptr<SessionActor>> TakeOutLocked(const std::string& map)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // Constant after construction.
   const ServerOptions options_;
-  const std::uint64_t epoch_;
   Metrics& metrics_;
 
   mutable Mutex mutex_;
@@ -67,6 +94,12 @@ class Registry {
   absl::flat_hash_map<SessionKey, std::shared_ptr<SessionActor>> sessions_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::shared_ptr<SessionActor>> by_age_ ABSL_GUARDED_BY(mutex_);  ///< oldest first
   absl::flat_hash_map<std::string, std::shared_ptr<SessionActor>> robots_ ABSL_GUARDED_BY(mutex_);
+  std::uint64_t next_epoch_ ABSL_GUARDED_BY(mutex_);
+  AnswerMemory<std::uint64_t> made_ ABSL_GUARDED_BY(mutex_);     ///< epochs of maps, by request
+  AnswerMemory<std::uint64_t> deleted_ ABSL_GUARDED_BY(mutex_);  ///< the same
+  /// By map and session: sessions that were active when their map was deleted. Their robots come
+  /// back with the rest of a trajectory whose beginning is gone.
+  AnswerMemory<std::uint64_t> cut_off_ ABSL_GUARDED_BY(mutex_);
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

@@ -64,10 +64,12 @@ struct Server::Impl {
       : options(server_options),
         registry(options, EpochNow(), metrics),
         pool(options.worker_threads, options.worker_queue_max),
+        admin_pool(options.admin_threads, options.worker_queue_max),
         guard(pool),
+        admin_guard(admin_pool),
         ingest_service(registry, options, metrics, guard),
         tile_service(registry, metrics, guard),
-        map_service(registry, options, metrics, guard),
+        map_service(registry, options, metrics, guard, admin_guard),
         terrain_service(registry, metrics, guard),
         live_collector(std::make_shared<LiveCollector>(registry)),
         process_collector(std::make_shared<ProcessCollector>()) {}
@@ -125,6 +127,7 @@ struct Server::Impl {
     server->Wait();
     server.reset();
     pool.Stop();
+    admin_pool.Stop();
     metrics_page.reset();
   }
 
@@ -137,7 +140,9 @@ struct Server::Impl {
   Metrics metrics;
   Registry registry;
   WorkerPool pool;
+  WorkerPool admin_pool;
   CallGuard guard;
+  CallGuard admin_guard;
   IngestService ingest_service;
   TileService tile_service;
   MapService map_service;

@@ -31,7 +31,7 @@ SessionActor::SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
 
 SessionActor::~SessionActor() {
   Stop();
-  thread_.join();
+  Join();
 }
 
 std::shared_ptr<const LocalMap> SessionActor::local_map() const {
@@ -45,6 +45,16 @@ void SessionActor::DropLocalMap() {
 }
 
 void SessionActor::Stop() { mailbox_->Stop(); }
+
+void SessionActor::Abandon(const absl::Status& why) {
+  // In this order: a stream that attaches is refused, or there to be told.
+  mailbox_->Stop();
+  if (const std::shared_ptr<IngestSink> sink = mailbox_->SetEnd(why)) sink->OnEnded(why);
+}
+
+void SessionActor::Join() {
+  if (thread_.joinable()) thread_.join();
+}
 
 void SessionActor::Run() {
   // On this thread: a window of a million cells takes a while to allocate.

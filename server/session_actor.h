@@ -51,8 +51,15 @@ class SessionActor {
   std::uint64_t num_scans_fused() const { return num_fused_.load(std::memory_order_relaxed); }
   std::uint64_t num_scans_refused() const { return num_refused_.load(std::memory_order_relaxed); }
 
+  /// True until everything that the session sent is published.
+  bool feeds_map() const { return !mailbox_->has_end(); }
+
   /// Ends the thread without ending the session: the server goes away.
   void Stop();
+  /// Ends the thread and the session's stream: its map has been deleted.
+  void Abandon(const absl::Status& why);
+  /// Waits for the thread after Stop() or Abandon(). One caller only.
+  void Join();
 
  private:
   void Run();

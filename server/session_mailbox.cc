@@ -36,8 +36,14 @@ SessionMailbox::EndOutlook SessionMailbox::AttachForEnd(std::shared_ptr<IngestSi
 
 std::shared_ptr<IngestSink> SessionMailbox::SetEnd(const absl::StatusOr<SessionEnd>& end) {
   MutexLock lock(mutex_);
+  if (end_.has_value()) return nullptr;
   end_ = end;
   return sink_;
+}
+
+bool SessionMailbox::has_end() const {
+  MutexLock lock(mutex_);
+  return end_.has_value();
 }
 
 void SessionMailbox::Detach(const IngestSink* sink) {

@@ -70,8 +70,11 @@ class SessionMailbox {
   /// No stream may attach any more. False, and nothing is closed, if `only_if_alone` and a stream
   /// is there or something waits.
   bool CloseDoor(bool only_if_alone);
-  /// Remembers how the session ended. Returns the stream that is to be told, if there is one.
+  /// Remembers how the session ended, unless it had ended before. Returns the stream that is to be
+  /// told, if there is one.
   std::shared_ptr<IngestSink> SetEnd(const absl::StatusOr<SessionEnd>& end);
+  /// True from SetEnd() on.
+  bool has_end() const;
   /// When the last stream left or the last message came, whichever is later.
   Clock::time_point idle_since() const;
 

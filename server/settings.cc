@@ -155,6 +155,7 @@ std::vector<Setting> MakeSettings() {
                   "bytes that only replaced revisions hold, a map"),
       GEM_SETTING("worker_threads", worker_threads, "threads that encode tiles"),
       GEM_SETTING("worker_queue_max", worker_queue_max, "requests that wait for those threads"),
+      GEM_SETTING("admin_threads", admin_threads, "threads that delete maps"),
   };
 }
 

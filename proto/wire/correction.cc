@@ -14,8 +14,7 @@ absl::StatusOr<CorrectionRequest> FromProto(const v1::CorrectTrajectoryRequest& 
   const FieldPath root;
   GEM_RETURN_IF_ERROR(CheckId(proto.map(), root.Child("map")));
   GEM_RETURN_IF_ERROR(CheckId(proto.session(), root.Child("session")));
-  if (!proto.request_id().empty())
-    GEM_RETURN_IF_ERROR(CheckId(proto.request_id(), root.Child("request_id")));
+  GEM_RETURN_IF_ERROR(CheckRequestId(proto.request_id(), root.Child("request_id")));
   const FieldPath poses = root.Child("poses");
   if (proto.poses_size() < 1 || proto.poses_size() > poses_max)
     return Refuse(poses, absl::StrCat(proto.poses_size(), " poses"),

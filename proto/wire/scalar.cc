@@ -30,6 +30,10 @@ absl::Status CheckId(const std::string& id, const FieldPath& field) {
                 "1 to 64 characters of [A-Za-z0-9_.-], the first a letter or digit");
 }
 
+absl::Status CheckRequestId(const std::string& id, const FieldPath& field) {
+  return id.empty() ? absl::OkStatus() : CheckId(id, field);
+}
+
 absl::Status CheckStamp(std::int64_t stamp_ns, const FieldPath& field) {
   if (stamp_ns >= 0 && stamp_ns <= kStamp_nsMax) return absl::OkStatus();
   return Refuse(field, absl::StrCat(stamp_ns), absl::StrCat("0 to ", kStamp_nsMax));

@@ -14,6 +14,8 @@ inline constexpr std::int64_t kStamp_nsMax = 4'000'000'000'000'000'000;
 
 /// 1 to 64 characters of [A-Za-z0-9_.-], the first a letter or digit.
 absl::Status CheckId(const std::string& id, const FieldPath& field);
+/// An id, or nothing.
+absl::Status CheckRequestId(const std::string& id, const FieldPath& field);
 absl::Status CheckStamp(std::int64_t stamp_ns, const FieldPath& field);
 /// Finite.
 absl::Status CheckFinite(double value, const FieldPath& field);

@@ -97,16 +97,6 @@ absl::StatusOr<LocalMapSetup> LocalMapFromProto(const v1::LocalMapSetup& proto,
   return setup;
 }
 
-absl::StatusOr<MapSetup> MapFromProto(const v1::MapSetup& proto, const FieldPath& field) {
-  GEM_RETURN_IF_ERROR(CheckFinite(proto.cell_size_m(), field.Child("cell_size_m")));
-  GEM_RETURN_IF_ERROR(CheckFinite(proto.submap_length_m(), field.Child("submap_length_m")));
-  MapSetup setup;
-  if (proto.cell_size_m() != 0) setup.cell_size_m = proto.cell_size_m();
-  if (proto.submap_length_m() != 0) setup.submap_length_m = proto.submap_length_m();
-  setup.traversable_only = proto.traversable_only();
-  return setup;
-}
-
 absl::Status Conflict(const char* field, absl::string_view wanted, absl::string_view has) {
   const std::string path = absl::StrCat("open.map_setup.", field);
   return WithField(absl::FailedPreconditionError(
@@ -142,6 +132,16 @@ absl::Status MapSetup::CheckAgainst(const GlobalMapOptions& map) const {
   if (traversable_only && !map.traversable_only)
     return Conflict("traversable_only", "true", "false");
   return absl::OkStatus();
+}
+
+absl::StatusOr<MapSetup> FromProto(const v1::MapSetup& proto, const FieldPath& field) {
+  GEM_RETURN_IF_ERROR(CheckFinite(proto.cell_size_m(), field.Child("cell_size_m")));
+  GEM_RETURN_IF_ERROR(CheckFinite(proto.submap_length_m(), field.Child("submap_length_m")));
+  MapSetup setup;
+  if (proto.cell_size_m() != 0) setup.cell_size_m = proto.cell_size_m();
+  if (proto.submap_length_m() != 0) setup.submap_length_m = proto.submap_length_m();
+  setup.traversable_only = proto.traversable_only();
+  return setup;
 }
 
 absl::StatusOr<SensorSetup> FromProto(const v1::SensorSetup& proto, const FieldPath& field) {
@@ -182,7 +182,7 @@ absl::StatusOr<SessionSetup> FromProto(const v1::OpenSession& proto, const Field
   }
   GEM_ASSIGN_OR_RETURN(setup.local_map,
                        LocalMapFromProto(proto.local_map(), field.Child("local_map")));
-  GEM_ASSIGN_OR_RETURN(setup.map_setup, MapFromProto(proto.map_setup(), field.Child("map_setup")));
+  GEM_ASSIGN_OR_RETURN(setup.map_setup, FromProto(proto.map_setup(), field.Child("map_setup")));
   return setup;
 }
 
@@ -214,6 +214,12 @@ void ToProto(const SensorSetup& sensor, v1::SensorSetup* proto) {
   }
 }
 
+void ToProto(const MapSetup& setup, v1::MapSetup* proto) {
+  proto->set_cell_size_m(setup.cell_size_m.value_or(0));
+  proto->set_submap_length_m(setup.submap_length_m.value_or(0));
+  proto->set_traversable_only(setup.traversable_only);
+}
+
 void ToProto(const SessionSetup& setup, v1::OpenSession* proto) {
   proto->set_map(setup.map);
   proto->set_robot(setup.robot);
@@ -237,10 +243,7 @@ void ToProto(const SessionSetup& setup, v1::OpenSession* proto) {
     body->set_y_max(local.body->y_m_max);
     body->set_z_max(local.body->z_m_max);
   }
-  v1::MapSetup* map = proto->mutable_map_setup();
-  map->set_cell_size_m(setup.map_setup.cell_size_m.value_or(0));
-  map->set_submap_length_m(setup.map_setup.submap_length_m.value_or(0));
-  map->set_traversable_only(setup.map_setup.traversable_only);
+  ToProto(setup.map_setup, proto->mutable_map_setup());
 }
 
 }  // namespace gem::wire

@@ -65,10 +65,12 @@ struct SessionSetup {
 
 inline constexpr int kSensors_max = 16;
 
-/// Checks each field by itself; options as a whole are validated when they are complete.
+/// These check each field by itself; options as a whole are validated when they are complete.
+absl::StatusOr<MapSetup> FromProto(const v1::MapSetup& proto, const FieldPath& field);
 absl::StatusOr<SessionSetup> FromProto(const v1::OpenSession& proto, const FieldPath& field);
 absl::StatusOr<SensorSetup> FromProto(const v1::SensorSetup& proto, const FieldPath& field);
 
+void ToProto(const MapSetup& setup, v1::MapSetup* proto);
 void ToProto(const SessionSetup& setup, v1::OpenSession* proto);
 /// The noise model becomes the sensor kind that reproduces it. Zeros, which on the wire mean the
 /// default, become 1e-9.

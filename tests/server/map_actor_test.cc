@@ -138,7 +138,7 @@ TEST_F(MapActorTest, NobodyWaitsForItsThread) {
                 [&](const absl::StatusOr<CorrectionAnswer>&) { corrected.set_value(); });
   EXPECT_EQ(map_->snapshot()->version, version);
   EXPECT_EQ(map_->lag().num_corrections, 1);
-  EXPECT_EQ(map_->sessions().size(), 1u);
+  EXPECT_EQ(map_->NewestSessions(10).sessions.size(), 1u);
   go_on.set_value();
   corrected.get_future().wait();
   EXPECT_EQ(map_->snapshot()->submaps.size(), 11u);
@@ -216,7 +216,7 @@ TEST(Coalesce, AddsUpWhatMustNotBeLostAndReplacesTheRest) {
 }
 
 TEST(AnswerMemory, ForgetsTheOldestFirst) {
-  AnswerMemory memory(2);
+  AnswerMemory<CorrectionAnswer> memory(2);
   for (std::uint64_t revision = 1; revision <= 3; ++revision) {
     CorrectionAnswer answer;
     answer.version.revision = revision;

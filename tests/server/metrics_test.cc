@@ -41,7 +41,6 @@ TEST(Metrics, EveryObjectiveIsAnEdge) {
 TEST(Metrics, HistogramsHaveNoLabelThatClientsChoose) {
   Metrics metrics;
   metrics.AddMethod("Ingest");
-  metrics.AddMap("site");
   for (const prometheus::MetricFamily& family : metrics.registry()->Collect()) {
     if (family.type != prometheus::MetricType::Histogram) continue;
     for (const prometheus::ClientMetric& metric : family.metric)
