@@ -1,7 +1,5 @@
 #include "client/map_client.h"
 
-#include <grpcpp/grpcpp.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -11,11 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/call_status.h"
+#include "client/calls/map_stubs.h"
 #include "core/base/status_macros.h"
-#include "gem/v1/ingest_service.grpc.pb.h"
-#include "gem/v1/map_service.grpc.pb.h"
-#include "gem/v1/tile_service.grpc.pb.h"
 #include "proto/wire/correction.h"
 #include "proto/wire/map.h"
 #include "proto/wire/pose.h"
@@ -128,31 +123,6 @@ absl::Status NeverStillError(const std::string& map, int tries) {
 }
 
 }  // namespace
-
-struct MapClient::Stubs {
-  explicit Stubs(const Connection& connection)
-      : map(v1::MapService::NewStub(connection.channel())),
-        tile(v1::TileService::NewStub(connection.channel())),
-        ingest(v1::IngestService::NewStub(connection.channel())),
-        address(connection.address()) {}
-
-  /// Makes one call: `(stub->*method)(context, request, response)`.
-  template <typename Stub, typename Request, typename Response>
-  absl::Status Call(Stub& stub,
-                    grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    double deadline_s, const Request& request, Response& response) const {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() +
-                         std::chrono::duration_cast<std::chrono::system_clock::duration>(
-                             std::chrono::duration<double>(deadline_s)));
-    return ToStatus((stub.*method)(&context, request, &response), address);
-  }
-
-  const std::unique_ptr<v1::MapService::Stub> map;
-  const std::unique_ptr<v1::TileService::Stub> tile;
-  const std::unique_ptr<v1::IngestService::Stub> ingest;
-  const std::string address;
-};
 
 MapClient::MapClient(std::shared_ptr<const Connection> connection, MapClientOptions options)
     : connection_(std::move(connection)),

@@ -73,6 +73,14 @@ class MapClient {
   absl::StatusOr<LocalMap> GetLocalMap(const std::string& robot,
                                        const CellSelection& selection) const;
 
+  /// The ground at 1 to kGroundPoints_max points, all on the version `at`, or the newest.
+  absl::StatusOr<GroundHeights> SampleHeights(
+      const std::string& map, const std::vector<Place>& points,
+      const std::optional<MapVersion>& at = std::nullopt) const;
+  /// Whether a robot can follow a path, on the version `at`, or the newest.
+  absl::StatusOr<CheckedPath> CheckPath(const std::string& map, const PathQuestion& question,
+                                        const std::optional<MapVersion>& at = std::nullopt) const;
+
   /// Returns when the corrected map is published. Sent again if the server is not reached: the
   /// request id makes that harmless.
   absl::StatusOr<CorrectionResult> CorrectTrajectory(const Correction& correction) const;

@@ -12,6 +12,7 @@
 #include "core/grid/cell_index.h"
 #include "core/grid/layered_grid.h"
 #include "core/grid/map_version.h"
+#include "core/grid/terrain.h"
 
 namespace gem::client {
 
@@ -71,6 +72,18 @@ struct LocalMap {
   Pose<Global, Odom> T_G_O;  ///< at the stamp, from the newest correction
   std::string session;
   float traversability_free = 0;  ///< cells above this are free
+};
+
+/// The ground at points, in their order.
+struct GroundHeights {
+  std::vector<GroundSample> samples;
+  MapVersion version;  ///< that all were read from
+};
+
+/// What became of a question about a path.
+struct CheckedPath {
+  PathCheck check;
+  MapVersion version;  ///< that was asked
 };
 
 /// SLAM's corrected trajectory of one session.

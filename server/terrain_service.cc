@@ -1,36 +1,27 @@
 #include "server/terrain_service.h"
 
 #include <memory>
-#include <string>
+#include <optional>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/global/path_check.h"
 #include "core/global/terrain_reader.h"
 #include "proto/wire/map.h"
 #include "proto/wire/refusal.h"
-#include "proto/wire/scalar.h"
 #include "proto/wire/terrain.h"
+#include "server/find_snapshot.h"
 
 namespace gem {
 namespace {
 
 using Snapshot = std::shared_ptr<const MapSnapshot>;
 
-/// The newest version; `at` must be it.
 template <typename Request>
 absl::StatusOr<Snapshot> SnapshotFor(const Registry& registry, const Request& request) {
-  GEM_RETURN_IF_ERROR(wire::CheckId(request.map(), wire::FieldPath("map")));
-  const absl::StatusOr<std::shared_ptr<MapActor>> actor = registry.FindMap(request.map());
-  if (!actor.ok()) return actor.status();
-  Snapshot map = (*actor)->snapshot();
-  if (request.has_at() && wire::FromProto(request.at()) != map->version)
-    return wire::WithField(absl::FailedPreconditionError(absl::StrCat(
-                               "at is revision ", request.at().revision(), ", want ",
-                               map->version.revision, ", the newest, of the same epoch")),
-                           "at");
-  return map;
+  return FindSnapshot(
+      registry, request.map(),
+      request.has_at() ? std::optional(wire::FromProto(request.at())) : std::nullopt);
 }
 
 /// Core's text begins with the field that it refuses.

@@ -17,6 +17,7 @@
 #include "client/cli/replay_command.h"
 #include "client/cli/simulate_command.h"
 #include "client/cli/status_command.h"
+#include "client/cli/terrain_commands.h"
 #include "client/cli/top_command.h"
 
 int main(int argc, char** argv) {
@@ -24,11 +25,14 @@ int main(int argc, char** argv) {
   app.name("gem");
   app.require_subcommand(1);
   std::function<absl::Status()> run;
+  int exit_code = 0;  // commands that have more to say than that they worked
   gem::client::AddReplayCommand(app, run);
   gem::client::AddSimulateCommand(app, run);
   gem::client::AddExportCommand(app, run);
   gem::client::AddLocalCommand(app, run);
   gem::client::AddStatusCommand(app, run);
+  gem::client::AddSampleCommand(app, run);
+  gem::client::AddCheckPathCommand(app, run, exit_code);
   gem::client::AddTopCommand(app, run);
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
@@ -37,7 +41,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
 
   const absl::Status status = run();
-  if (status.ok()) return 0;
+  if (status.ok()) return exit_code;
   std::fprintf(stderr, "gem: %s\n", std::string(status.message()).c_str());
-  return 1;
+  return exit_code != 0 ? exit_code : 1;
 }

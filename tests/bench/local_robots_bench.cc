@@ -19,8 +19,8 @@ std::vector<std::vector<ScanPoint>> ReadScans() {
   std::vector<std::vector<ScanPoint>> scans;
   const char* data = std::getenv("GEM_DATA_DIR");
   if (data == nullptr) return scans;
-  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(data) /
-                                                               "sequences/00/velodyne")) {
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::filesystem::path(data) / "sequences/00/velodyne")) {
     std::ifstream file(entry.path(), std::ios::binary);
     scans.emplace_back();
     float xyzi[4];

@@ -14,6 +14,7 @@
 #include "client/connection.h"
 #include "gem/v1/ingest_service.grpc.pb.h"
 #include "gem/v1/map_service.grpc.pb.h"
+#include "gem/v1/terrain_service.grpc.pb.h"
 #include "gem/v1/tile_service.grpc.pb.h"
 
 namespace gem::client {
@@ -84,6 +85,21 @@ class FakeMapService : public v1::MapService::Service {
   }
 };
 
+class FakeTerrainService : public v1::TerrainService::Service {
+ public:
+  Handler<v1::SampleHeightsRequest, v1::SampleHeightsResponse> on_heights;
+  Handler<v1::CheckPathRequest, v1::CheckPathResponse> on_path;
+
+  grpc::Status SampleHeights(grpc::ServerContext*, const v1::SampleHeightsRequest* request,
+                             v1::SampleHeightsResponse* response) override {
+    return on_heights(*request, *response);
+  }
+  grpc::Status CheckPath(grpc::ServerContext*, const v1::CheckPathRequest* request,
+                         v1::CheckPathResponse* response) override {
+    return on_path(*request, *response);
+  }
+};
+
 /// Script the services before the first call.
 class FakeServer {
  public:
@@ -94,6 +110,7 @@ class FakeServer {
     builder.RegisterService(&ingest);
     builder.RegisterService(&tile);
     builder.RegisterService(&map);
+    builder.RegisterService(&terrain);
     server_ = builder.BuildAndStart();
     EXPECT_NE(server_, nullptr);
     address_ = absl::StrCat("127.0.0.1:", port);
@@ -116,6 +133,7 @@ class FakeServer {
   FakeIngestService ingest;
   FakeTileService tile;
   FakeMapService map;
+  FakeTerrainService terrain;
 
  private:
   std::unique_ptr<grpc::Server> server_;

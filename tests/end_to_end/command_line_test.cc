@@ -74,6 +74,35 @@ TEST(CommandLine, BenchCorrectionsEndsWithTheMapOfTheLastCorrection) {
   EXPECT_THAT(run.output, testing::Not(HasSubstr("\"corrections\":0,")));
 }
 
+// Scripts branch on the exit code: 0 free, 1 not free, 2 nobody knows.
+TEST(CommandLine, CheckPathTellsFreeFromNotFreeByItsExitCode) {
+  const ServerProcess server;
+  const Finished drive =
+      Gem({"simulate", "flat", "--server", server.address(), "--map", "yard", "--robot", "r1",
+           "--scans", "40", "--rings", "64", "--cell_size_m", "0.4"});
+  ASSERT_EQ(drive.exit_code, 0) << drive.output;
+  const auto check = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {
+        "check-path", "--server", server.address(), "--map", "yard", "--path", "3,0", "5,1"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Gem(arguments);
+  };
+  Finished run = check({"--radius_m", "0.3"});
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("free: 2.24 m"));
+  run = check({"500,0", "--rectangle", "-0.5,-0.3,0.5,0.3", "--json"});
+  EXPECT_EQ(run.exit_code, 1) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("\"free\":false"));
+  run = check({"--radius_m", "11"});
+  EXPECT_EQ(run.exit_code, 2) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("footprint.radius_m is 11, want 0 to 10"));
+  EXPECT_EQ(check({}).exit_code, 2) << "a robot without a shape";
+  run = Gem({"sample", "--server", server.address(), "--map", "yard", "-500,0", "4,-1"});
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("4,-1: free, height "));
+  EXPECT_THAT(run.output, HasSubstr("-500,0: unknown"));
+}
+
 TEST(Server, RefusesAConfigurationWithAnUnknownKeyAndNamesTheLine) {
   const ScratchDir scratch;
   std::ofstream(scratch.File("gem.yaml")) << "map:\n  cell_size_m: 0.1\n  cell_sise_m: 0.2\n";

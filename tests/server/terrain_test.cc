@@ -127,10 +127,19 @@ TEST_F(Terrain, UnknownMapsAreNamed) {
 }
 
 TEST_F(Terrain, AnswersOnTheVersionThatIsAsked) {
-  v1::CheckPathRequest request = PathTo(5);
-  *request.mutable_at() = version_;
+  // A second robot maps what lies before the first one's ground.
+  TestStream robot(server_.ingest(), TestOpen("r2", "s2"));
+  ASSERT_TRUE(robot.Send(FlatScan(1, 8)));
+  ASSERT_TRUE(robot.SendClose());
+  ASSERT_TRUE(robot.ReadUntilClosed());
+  v1::CheckPathRequest request = PathTo(7);
   v1::CheckPathResponse response;
   ASSERT_TRUE(Check(request, response).ok());
+  EXPECT_TRUE(response.free());
+  EXPECT_EQ(response.version().revision(), robot.closed().version().revision());
+  *request.mutable_at() = version_;
+  ASSERT_TRUE(Check(request, response).ok());
+  EXPECT_FALSE(response.free());
   EXPECT_EQ(response.version().revision(), version_.revision());
   request.mutable_at()->set_epoch(1);
   EXPECT_EQ(Check(request, response).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
