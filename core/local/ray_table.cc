@@ -30,15 +30,12 @@ void RayTable::Complete(VectorSet set, std::int32_t begin, std::int32_t end) {
 
 bool RayTable::AllPassBelow(const CellSight& sight, float sensor_z_m, float height_m) const {
   if (sight.num_bins == 0 || sight.range_bin_min > limit_) return false;
-  const float* crossing = &slopes_[IndexAt(sight.range_bin_min, 0)];
   bool crossed = false;
   for (std::int32_t i = 0; i < sight.num_bins; ++i) {
     const std::int32_t unwrapped = sight.first_bin + i;
     const std::int32_t bin = unwrapped < bins_.azimuth ? unwrapped : unwrapped - bins_.azimuth;
-    if (slopes_[IndexAt(0, bin)] == kNoRay) continue;
-    if (crossing[bin] == kNoRay) return false;
-    if (!(RayTopOver(sight, crossing[bin], sensor_z_m) < height_m)) return false;
-    crossed = true;
+    if (!NonePassesAbove(sight, bin, sensor_z_m, height_m)) return false;
+    crossed = crossed || slopes_[IndexAt(0, bin)] != kNoRay;
   }
   return crossed;
 }

@@ -22,7 +22,7 @@ class RingWindow {
  public:
   explicit RingWindow(std::int32_t side_cells)
       : side_cells_(side_cells),
-        inverse_of_side_((std::uint64_t{1} << 32) / static_cast<std::uint32_t>(side_cells) + 1),
+        inverse_of_side_(1.0f / static_cast<float>(side_cells)),
         slot_of_column_(static_cast<std::size_t>(side_cells)),
         slot_of_row_(static_cast<std::size_t>(side_cells)) {
     MoveTo({0, 0});
@@ -50,8 +50,10 @@ class RingWindow {
     return static_cast<std::uint32_t>(place.row * side_cells_ + place.column);
   }
   Place PlaceOf(std::uint32_t index) const {
-    // Exact, as an index is below 2^20. A division would take longer than all the rest.
-    const auto row = static_cast<std::uint32_t>((index * inverse_of_side_) >> 32);
+    // Exact, as an index is below 2^20: its middle is farther from a whole row than floats err. A
+    // division would take longer than all the rest.
+    const auto row =
+        static_cast<std::uint32_t>((static_cast<float>(index) + 0.5f) * inverse_of_side_);
     const std::uint32_t column = index - row * static_cast<std::uint32_t>(side_cells_);
     return {static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)};
   }
@@ -68,7 +70,7 @@ class RingWindow {
  private:
   // Constant after construction.
   const std::int32_t side_cells_;
-  const std::uint64_t inverse_of_side_;  // times 2^32, rounded up
+  const float inverse_of_side_;
 
   CellIndex origin_;
   std::vector<std::uint32_t> slot_of_column_;

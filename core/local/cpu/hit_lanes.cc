@@ -14,8 +14,8 @@ constexpr std::uint32_t kLongBit = 1u << 31;
 HitLanes::HitLanes(std::size_t num_cells)
     : listed_(num_cells),
       listed_count_(num_cells),
-      cells_(num_cells),
-      counts_(num_cells),
+      cells_(num_cells + kLanes),
+      counts_(num_cells + kLanes),
       begins_(num_cells),
       rank_of_cell_(num_cells),
       next_(num_cells) {}

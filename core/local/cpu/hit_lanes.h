@@ -39,6 +39,9 @@ class HitLanes {
   /// Window index of the cell, and its hits.
   std::uint32_t CellOf(std::size_t rank) const { return cells_[rank]; }
   std::uint32_t CountOf(std::size_t rank) const { return counts_[rank]; }
+  /// The same by rank, a group long also where the last group has fewer cells.
+  const std::uint32_t* cells() const { return cells_.data(); }
+  const std::uint32_t* counts() const { return counts_.data(); }
   /// Rank of the cell at a window index, plus one; 0 if it has no hits here.
   std::uint32_t RankOf(std::uint32_t cell) const { return rank_of_cell_[cell]; }
   bool is_colored() const { return is_colored_; }

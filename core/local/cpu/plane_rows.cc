@@ -8,26 +8,27 @@ namespace {
 
 constexpr std::int32_t kMargin = kPlaneRadius_cells;
 // Dirty cells nearer to each other than this are annotated in one go.
-constexpr std::int32_t kGap = 8;
+constexpr std::int32_t kGap = 16;
 
 }  // namespace
 
 PlaneRows::PlaneRows(std::int32_t side_cells) : side_cells_(side_cells) {
   const auto side = static_cast<std::size_t>(side_cells);
-  const auto padded = side + 2 * kMargin;
+  const std::size_t padded = side + 2 * kLanes;
+  static_assert(kLanes >= 2 * kMargin);
   for (Row& row : rows_) {
     row.height_m.resize(padded);
     row.known.resize(padded);
   }
   outside_ = rows_[0];
   near_rows_.resize(padded);
-  dirty_.resize(side + kGap);
+  dirty_.resize(side);
   for (auto* sums : {&count_, &y_, &yy_}) sums->resize(padded);
   for (auto* sums : {&z_, &yz_, &zz_}) sums->resize(padded);
-  for (auto* values : {&num_cells_, &valid_, &stored_}) values->resize(side);
+  for (auto* values : {&num_cells_, &valid_, &stored_}) values->resize(padded);
   for (auto* values :
        {&rise_x_m_, &rise_y_m_, &squares_m2_, &slope_rad_, &roughness_m_, &traversability_}) {
-    values->resize(side);
+    values->resize(padded);
   }
 }
 
@@ -93,25 +94,30 @@ const PlaneRows::Row& PlaneRows::RowAt(std::int32_t row) {
 }
 
 void PlaneRows::AnnotateRow(std::int32_t row) {
-  std::int32_t begin = 0;
-  while (begin < side_cells_) {
-    const auto* found = static_cast<const std::uint8_t*>(
-        std::memchr(dirty_.data() + begin, 1, static_cast<std::size_t>(side_cells_ - begin)));
-    if (found == nullptr) return;
-    begin = static_cast<std::int32_t>(found - dirty_.data());
-    std::int32_t end = begin + 1;  // the last dirty cell is before it
-    for (std::int32_t i = end; i < std::min(end + kGap, side_cells_); ++i) {
-      if (dirty_[static_cast<std::size_t>(i)] != 0) end = i + 1;
+  // The first column from `begin` on, before `end`, that is dirty (1) or not (0); else `end`.
+  const auto find = [this](int dirty, std::int32_t begin, std::int32_t end) {
+    const std::uint8_t* from = dirty_.data() + begin;
+    const void* found = std::memchr(from, dirty, static_cast<std::size_t>(end - begin));
+    if (found == nullptr) return end;
+    return begin + static_cast<std::int32_t>(static_cast<const std::uint8_t*>(found) - from);
+  };
+  const std::int32_t first = find(1, 0, side_cells_);
+  std::int32_t end = first;  // the last dirty cell is before it
+  for (std::int32_t begin = first; begin < side_cells_; begin = find(1, end, side_cells_)) {
+    end = begin;
+    for (std::int32_t next = begin; next < std::min(end + kGap, side_cells_);
+         next = find(1, end, std::min(end + kGap, side_cells_))) {
+      end = find(0, next, side_cells_);
     }
-    SumColumns(row, begin, end);
-    FitCells(begin, end);
-    JudgeCells(begin, end);
-    Store(row, begin, end);
-    begin = end;
+    const std::int32_t num_lanes = (end - begin + kLanes - 1) / kLanes;
+    SumColumns(row, begin, num_lanes);
+    FitCells(begin, num_lanes);
+    JudgeCells(begin, num_lanes);
   }
+  Store(row, first, end);
 }
 
-void PlaneRows::SumColumns(std::int32_t row, std::int32_t begin, std::int32_t end) {
+void PlaneRows::SumColumns(std::int32_t row, std::int32_t begin, std::int32_t num_lanes) {
   const Row& r0 = RowAt(row - 2);
   const Row& r1 = RowAt(row - 1);
   const Row& r2 = RowAt(row);
@@ -123,9 +129,10 @@ void PlaneRows::SumColumns(std::int32_t row, std::int32_t begin, std::int32_t en
                *h3 = r3.height_m.data(), *h4 = r4.height_m.data();
   std::int32_t* __restrict count = count_.data(), * __restrict y = y_.data(), * __restrict yy = yy_.data();
   double* __restrict z = z_.data(), * __restrict yz = yz_.data(), * __restrict zz = zz_.data();
+  const std::int32_t end = begin + (num_lanes + 1) * kLanes;  // the last cells' neighbours, too
   // Two loops, as integers and doubles differ in width. Heights of unknown cells are zero already.
   GEM_INDEPENDENT
-  for (std::int32_t i = begin; i < end + 2 * kMargin; ++i) {
+  for (std::int32_t i = begin; i < end; ++i) {
     ColumnSums column;
     column.Add(-2, k0[i] != 0, 0);
     column.Add(-1, k1[i] != 0, 0);
@@ -137,7 +144,7 @@ void PlaneRows::SumColumns(std::int32_t row, std::int32_t begin, std::int32_t en
     yy[i] = column.yy;
   }
   GEM_INDEPENDENT
-  for (std::int32_t i = begin; i < end + 2 * kMargin; ++i) {
+  for (std::int32_t i = begin; i < end; ++i) {
     ColumnSums column;
     column.Add(-2, true, h0[i]);
     column.Add(-1, true, h1[i]);
@@ -150,7 +157,8 @@ void PlaneRows::SumColumns(std::int32_t row, std::int32_t begin, std::int32_t en
   }
 }
 
-void PlaneRows::FitCells(std::int32_t begin, std::int32_t end) {
+void PlaneRows::FitCells(std::int32_t begin, std::int32_t num_lanes) {
+  const std::int32_t end = begin + num_lanes * kLanes;
   const std::int32_t cells_min = options_->plane_cells_min;
   const std::int32_t *count = count_.data(), *y = y_.data(), *yy = yy_.data();
   const double *z = z_.data(), *yz = yz_.data(), *zz = zz_.data();
@@ -180,7 +188,8 @@ void PlaneRows::FitCells(std::int32_t begin, std::int32_t end) {
 
 // Apart from FitCells, as each cell is a long chain of roots and quotients: the shorter the loop,
 // the more of them the processor has in hand at once.
-void PlaneRows::JudgeCells(std::int32_t begin, std::int32_t end) {
+void PlaneRows::JudgeCells(std::int32_t begin, std::int32_t num_lanes) {
+  const std::int32_t end = begin + num_lanes * kLanes;
   const LocalMapOptions options = *options_;
   const std::int32_t *num_cells = num_cells_.data(), *valid = valid_.data();
   const float *rise_x_m = rise_x_m_.data(), *rise_y_m = rise_y_m_.data();

@@ -14,6 +14,11 @@ struct Sights {
   alignas(64) std::int32_t first_bin[kBlock], num_bins[kBlock], range_bin_min[kBlock];
   alignas(64) float near_m[kBlock], far_m[kBlock];
   alignas(64) float height_m[kBlock];
+  alignas(64) std::int32_t maybe[kBlock];  // 0: surely not passed below
+
+  CellSight At(std::size_t i) const {
+    return {first_bin[i], num_bins[i], range_bin_min[i], near_m[i], far_m[i]};
+  }
 };
 
 void SeeCells(const ScanFrame& frame, const RayBins& bins_in, const LocalMapOptions& options_in,
@@ -46,6 +51,18 @@ void SeeCells(const ScanFrame& frame, const RayBins& bins_in, const LocalMapOpti
   float* __restrict height_m = sights.height_m;
   for (std::size_t i = 0; i < count; ++i) {
     height_m[i] = ClearHeightOf(elevation_m[i], variance_m2[i], is_free[i] != 0, options);
+  }
+}
+
+// Asks the first azimuth bin of each cell: most are not passed below, and most of them show it
+// there.
+void AskFirstBins(const RayTable& rays, float sensor_z_m, std::size_t count, Sights& sights) {
+  std::int32_t* __restrict maybe = sights.maybe;
+  GEM_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool none_above =
+        rays.NonePassesAbove(sights.At(i), sights.first_bin[i], sensor_z_m, sights.height_m[i]);
+    maybe[i] = none_above ? 1 : 0;
   }
 }
 
@@ -105,10 +122,10 @@ void FindPassedBelow(VectorSet set, const RayTable& rays, const ScanFrame& frame
     for (std::size_t first = 0; first < candidates.count; first += kBlock) {
       const std::size_t count = std::min(kBlock, candidates.count - first);
       SeeCells(frame, rays.bins(), options, candidates, first, count, sights);
+      AskFirstBins(rays, frame.sensor_z_m, count, sights);
       for (std::size_t i = 0; i < count; ++i) {
-        const CellSight sight{sights.first_bin[i], sights.num_bins[i], sights.range_bin_min[i],
-                              sights.near_m[i], sights.far_m[i]};
-        if (!rays.AllPassBelow(sight, frame.sensor_z_m, sights.height_m[i])) continue;
+        if (sights.maybe[i] == 0) continue;
+        if (!rays.AllPassBelow(sights.At(i), frame.sensor_z_m, sights.height_m[i])) continue;
         cleared.push_back(candidates.place[first + i]);
       }
     }
