@@ -93,11 +93,13 @@ void Select(const CellSelection& selection, Request& request) {
 }
 
 /// What the server sent must be what was asked for: maps are drawn from it.
-absl::Status CheckTile(const MapTile& tile, TileIndex wanted, const CellSelection& selection) {
-  if (tile.index != wanted)
-    return absl::InternalError(absl::StrCat("the server sent tile (", tile.index.x, ", ",
-                                            tile.index.y, ") instead of (", wanted.x, ", ",
-                                            wanted.y, ")"));
+absl::Status CheckTile(const wire::DecodedTile& tile, const TileAddress& wanted,
+                       const CellSelection& selection) {
+  if (tile.address != wanted)
+    return absl::InternalError(absl::StrCat("the server sent tile (", tile.address.level, ", ",
+                                            tile.address.index.x, ", ", tile.address.index.y,
+                                            ") instead of (", wanted.level, ", ", wanted.index.x,
+                                            ", ", wanted.index.y, ")"));
   if (!tile.grid) return absl::OkStatus();
   if (tile.grid->columns != kTileCells || tile.grid->rows != kTileCells)
     return absl::InternalError(absl::StrCat("the server sent a tile of ", tile.grid->columns, " x ",
@@ -202,8 +204,10 @@ absl::StatusOr<TileMatrix> MapClient::GetTileMatrix(const std::string& map) cons
                     wire::FromProto(response.version())};
   matrix.tiles.reserve(static_cast<std::size_t>(response.tiles_size()));
   for (const v1::TileKey& key : response.tiles()) {
-    GEM_ASSIGN_OR_RETURN(const TileIndex tile, wire::FromProto(key, wire::FieldPath("tiles")));
-    matrix.tiles.push_back(tile);
+    GEM_ASSIGN_OR_RETURN(const TileAddress tile, wire::FromProto(key, wire::FieldPath("tiles")));
+    if (tile.level != 0)
+      return absl::InternalError(absl::StrCat("the server lists a tile of level ", tile.level));
+    matrix.tiles.push_back(tile.index);
   }
   return matrix;
 }
@@ -220,7 +224,8 @@ absl::StatusOr<TileSet> MapClient::GetTilesOnce(const std::string& map,
     v1::BatchGetTilesResponse response;
     request.set_map(map);
     Select(selection, request);
-    for (std::size_t i = begin; i < end; ++i) wire::ToProto(tiles[i], request.add_tiles());
+    for (std::size_t i = begin; i < end; ++i)
+      wire::ToProto(TileAddress{0, tiles[i]}, request.add_tiles());
     GEM_RETURN_IF_ERROR(stubs_->Call(*stubs_->tile, &v1::TileService::Stub::BatchGetTiles,
                                      options_.deadline_s, request, response));
     if (response.tiles_size() != static_cast<int>(end - begin))
@@ -233,8 +238,8 @@ absl::StatusOr<TileSet> MapClient::GetTilesOnce(const std::string& map,
     for (const v1::Tile& proto : response.tiles()) {
       GEM_ASSIGN_OR_RETURN(wire::DecodedTile decoded,
                            wire::FromProto(proto, wire::FieldPath("tiles")));
-      MapTile tile{decoded.index, decoded.version, std::move(decoded.grid)};
-      GEM_RETURN_IF_ERROR(CheckTile(tile, tiles[set.tiles.size()], selection));
+      GEM_RETURN_IF_ERROR(CheckTile(decoded, {0, tiles[set.tiles.size()]}, selection));
+      MapTile tile{decoded.address.index, decoded.version, std::move(decoded.grid)};
       set.tiles.push_back(std::move(tile));
     }
   }

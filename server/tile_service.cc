@@ -37,7 +37,7 @@ absl::Status GetTileMatrix(const Registry& registry, const v1::GetTileMatrixRequ
   for (const auto& [index, tile] : map.tiles) tiles.push_back(index);
   std::sort(tiles.begin(), tiles.end(),
             [](TileIndex a, TileIndex b) { return a.y != b.y ? a.y < b.y : a.x < b.x; });
-  for (const TileIndex tile : tiles) wire::ToProto(tile, response->add_tiles());
+  for (const TileIndex tile : tiles) wire::ToProto(TileAddress{0, tile}, response->add_tiles());
   wire::ToProto(map.version, response->mutable_version());
   return absl::OkStatus();
 }
@@ -62,17 +62,17 @@ absl::Status BatchGetTiles(const Registry& registry, Metrics& metrics,
   std::uint64_t num_absent = 0;
   for (int i = 0; i < request.tiles_size(); ++i) {
     const wire::FieldPath element = tiles_field.At(static_cast<std::size_t>(i));
-    GEM_ASSIGN_OR_RETURN(const TileIndex index, wire::FromProto(request.tiles(i), element));
+    GEM_ASSIGN_OR_RETURN(const TileAddress address, wire::FromProto(request.tiles(i), element));
     v1::Tile* proto = response->add_tiles();
-    const auto tile = map.tiles.find(index);
-    if (tile == map.tiles.end()) {
-      wire::ToProto(index, proto->mutable_key());
+    const TileMap& tiles = map.TilesOf(address.level);
+    const auto tile = tiles.find(address.index);
+    if (tile == tiles.end()) {
+      wire::ToProto(address, proto->mutable_key());
       wire::ToProto(map.version, proto->mutable_version());
       proto->set_absent(true);
       ++num_absent;
     } else {
-      wire::ToProto(*tile->second, map.options.cell_size_m, map.newest_stamp_ns, layers, encoding,
-                    proto);
+      wire::ToProto(*tile->second, map.options.cell_size_m, layers, encoding, proto);
     }
   }
   metrics.CountTiles(static_cast<std::uint64_t>(request.tiles_size()) - num_absent, num_absent);

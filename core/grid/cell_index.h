@@ -68,6 +68,18 @@ static_assert(IndexInTile({-1, 129}) == 1 * 128 + 127);
 /// tile its tiles. Level 0 has the map's cell size, level kLevelMax 64 times as much.
 inline constexpr int kLevelMax = 6;
 
+/// A tile of any level.
+struct TileAddress {
+  int level = 0;  ///< 0 to kLevelMax
+  TileIndex index;
+  friend constexpr bool operator==(const TileAddress&, const TileAddress&) = default;
+  friend constexpr auto operator<=>(const TileAddress&, const TileAddress&) = default;
+  template <typename H>
+  friend H AbslHashValue(H h, const TileAddress& t) {
+    return H::combine(std::move(h), t.level, t.index);
+  }
+};
+
 /// Edge of a cell of a level, metres.
 GEM_HOST_DEVICE constexpr double CellSizeAt(int level, double cell_size_m) {
   return cell_size_m * (1 << level);

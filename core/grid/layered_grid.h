@@ -50,6 +50,7 @@ struct LayeredGrid {
   std::int32_t rows = 0;     ///< along y
   double cell_size_m = 0;
   std::vector<GridLayer> layers;
+  std::int64_t stamp_ns = 0;  ///< ages count back from it
 
   std::size_t num_cells() const {
     return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);

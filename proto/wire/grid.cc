@@ -1,18 +1,18 @@
 #include "proto/wire/grid.h"
 
-#include <zstd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <span>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/check.h"
 #include "core/base/status_macros.h"
 #include "gem/v1/types.pb.h"
+#include "proto/wire/cell_codec.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
+#include "proto/wire/zstd_frame.h"
 
 namespace gem::wire {
 namespace {
@@ -35,34 +35,6 @@ double StepOf(Layer layer) {
   }
 }
 
-std::string Compressed(const std::string& data) {
-  std::string frame(ZSTD_compressBound(data.size()), '\0');
-  const std::size_t size =
-      ZSTD_compress(frame.data(), frame.size(), data.data(), data.size(), kZstdLevel);
-  GEM_CHECK(!ZSTD_isError(size));
-  frame.resize(size);
-  return frame;
-}
-
-/// The frame's own header claims the size: it must be exactly what the cells need, before a byte is
-/// allocated.
-absl::StatusOr<std::string> Inflated(const std::string& frame, std::size_t size_bytes,
-                                     const FieldPath& field) {
-  const unsigned long long claimed = ZSTD_getFrameContentSize(frame.data(), frame.size());
-  if (claimed == ZSTD_CONTENTSIZE_ERROR) return Refuse(field, "not a zstd frame", "one zstd frame");
-  if (claimed == ZSTD_CONTENTSIZE_UNKNOWN)
-    return Refuse(field, "a zstd frame without content size", "the size in the frame's header");
-  if (claimed != size_bytes)
-    return Refuse(field, absl::StrCat("a zstd frame of ", claimed, " bytes"),
-                  absl::StrCat(size_bytes));
-  std::string data(size_bytes, '\0');
-  const std::size_t size = ZSTD_decompress(data.data(), data.size(), frame.data(), frame.size());
-  if (ZSTD_isError(size)) return Refuse(field, ZSTD_getErrorName(size), "one intact zstd frame");
-  if (size != size_bytes)
-    return Refuse(field, absl::StrCat(size, " bytes"), absl::StrCat(size_bytes));
-  return data;
-}
-
 /// value = raw * scale + offset for the valid cells of one layer.
 struct Quantisation {
   double scale = 1;
@@ -78,24 +50,29 @@ Quantisation QuantisationOf(const GridLayer& layer) {
     high = std::max(high, static_cast<double>(layer.values[i]));
   }
   if (low > high) return {StepOf(layer.layer), 0};
-  const double scale = std::max(StepOf(layer.layer), (high - low) / (2 * (kRawMax - 1)));
-  // A multiple of the step: equal heights of neighbouring tiles stay equal.
+  // Scale and offset are multiples of the step: equal heights of neighbouring tiles stay equal.
+  const double step = StepOf(layer.layer);
+  const double scale = step * std::max(1.0, std::ceil((high - low) / (2 * (kRawMax - 1)) / step));
   return {scale, std::round((low + high) / 2 / scale) * scale};
 }
 
-std::string Quantised(const GridLayer& layer, const Quantisation& quantisation) {
-  std::string data(layer.values.size() * sizeof(std::int16_t), '\0');
-  // Rounded down: never freer than it is.
-  const bool down = layer.layer == Layer::kTraversability;
-  for (std::size_t i = 0; i < layer.values.size(); ++i) {
+/// Rounds so that nobody is promised too much: traversability down, never freer than it is, and
+/// variance up, never surer.
+double Rounded(Layer layer, double steps) {
+  if (layer == Layer::kTraversability) return std::floor(steps);
+  if (layer == Layer::kVariance) return std::ceil(steps);
+  return std::nearbyint(steps);
+}
+
+std::vector<std::int16_t> Quantised(const GridLayer& layer, const Quantisation& quantisation) {
+  std::vector<std::int16_t> raw(layer.values.size());
+  for (std::size_t i = 0; i < raw.size(); ++i) {
     if (!layer.valid[i]) continue;
     const double steps =
         (static_cast<double>(layer.values[i]) - quantisation.offset) / quantisation.scale;
-    const double rounded = down ? std::floor(steps) : std::nearbyint(steps);
-    const auto raw = static_cast<std::int16_t>(std::clamp(rounded, -kRawMax, kRawMax));
-    std::memcpy(data.data() + i * sizeof(raw), &raw, sizeof(raw));
+    raw[i] = static_cast<std::int16_t>(std::clamp(Rounded(layer.layer, steps), -kRawMax, kRawMax));
   }
-  return data;
+  return raw;
 }
 
 template <typename T>
@@ -110,27 +87,30 @@ std::string BitmapOf(const std::vector<std::uint8_t>& valid) {
   return bitmap;
 }
 
-void LayerToProto(const GridLayer& layer, CellEncoding encoding, v1::GridLayer* proto) {
-  proto->set_layer(static_cast<v1::Layer>(ToProto(layer.layer)));
-  const bool compact = encoding == CellEncoding::kCompact;
+void RawToProto(const GridLayer& layer, v1::GridLayer* proto) {
+  const bool is_color = layer.layer == Layer::kColor;
+  proto->set_type(is_color ? v1::PointField::TYPE_UINT32 : v1::PointField::TYPE_FLOAT32);
+  proto->set_valid_bitmap(BitmapOf(layer.valid));
+  proto->set_data(is_color ? BytesOf(layer.colors) : BytesOf(layer.values));
+}
+
+void CompactToProto(const GridLayer& layer, std::size_t columns, v1::GridLayer* proto) {
+  const CellMask mask{layer.valid, columns};
   std::string data;
   if (layer.layer == Layer::kColor) {
     proto->set_type(v1::PointField::TYPE_UINT32);
-    data = BytesOf(layer.colors);
-  } else if (compact) {
+    data = EncodeCells(std::span<const Rgba>(layer.colors), mask);
+  } else {
     const Quantisation quantisation = QuantisationOf(layer);
     proto->set_type(v1::PointField::TYPE_INT16);
     proto->set_scale(quantisation.scale);
     proto->set_offset(quantisation.offset);
-    data = Quantised(layer, quantisation);
-  } else {
-    proto->set_type(v1::PointField::TYPE_FLOAT32);
-    data = BytesOf(layer.values);
+    data = EncodeCells(std::span<const std::int16_t>(Quantised(layer, quantisation)), mask);
   }
-  const std::string bitmap = BitmapOf(layer.valid);
-  proto->set_zstd(compact);
-  proto->set_valid_bitmap(compact ? Compressed(bitmap) : bitmap);
-  proto->set_data(compact ? Compressed(data) : std::move(data));
+  proto->set_predictor(v1::GridLayer::PREDICTOR_MEDIAN);
+  proto->set_zstd(true);
+  proto->set_valid_bitmap(Compressed(BitmapOf(layer.valid), kZstdLevel));
+  proto->set_data(Compressed(data, kZstdLevel));
 }
 
 std::string LayerName(int layer) {
@@ -163,51 +143,78 @@ absl::StatusOr<std::string> Bytes(const std::string& data, bool zstd, std::size_
   return data;
 }
 
-absl::Status DecodeValues(const v1::GridLayer& proto, const std::string& data,
-                          const FieldPath& field, GridLayer& layer) {
-  const std::size_t num_cells = layer.valid.size();
-  const bool int16 = proto.type() == v1::PointField::TYPE_INT16;
-  layer.values.resize(num_cells);
-  for (std::size_t i = 0; i < num_cells; ++i) {
-    if (!layer.valid[i]) continue;
-    float value = 0;
-    if (int16) {
-      std::int16_t raw = 0;
-      std::memcpy(&raw, data.data() + i * sizeof(raw), sizeof(raw));
-      value = static_cast<float>(raw * proto.scale() + proto.offset());
-    } else {
-      std::memcpy(&value, data.data() + i * sizeof(value), sizeof(value));
-    }
-    const FieldPath cells = field.Child("data");
-    GEM_RETURN_IF_ERROR(CheckFinite(value, cells.At(i)));
-    layer.values[i] = value;
+/// How many of the cells have bytes in `data`: with a predictor only those that are valid.
+absl::StatusOr<std::size_t> NumStored(const v1::GridLayer& proto, const CellMask& mask,
+                                      const FieldPath& field) {
+  const FieldPath predictor = field.Child("predictor");
+  if (proto.predictor() == v1::GridLayer::PREDICTOR_UNSPECIFIED) return mask.valid.size();
+  if (proto.predictor() != v1::GridLayer::PREDICTOR_MEDIAN)
+    return Refuse(predictor, absl::StrCat(static_cast<int>(proto.predictor())),
+                  "PREDICTOR_UNSPECIFIED or PREDICTOR_MEDIAN");
+  if (proto.type() == v1::PointField::TYPE_FLOAT32)
+    return Refuse(predictor, "PREDICTOR_MEDIAN", "PREDICTOR_UNSPECIFIED for TYPE_FLOAT32");
+  return mask.num_valid();
+}
+
+/// The cells of a type, whatever was done to them. data has the right size.
+template <typename T, typename Undo>
+std::vector<T> CellsOf(const v1::GridLayer& proto, const std::string& data, const CellMask& mask,
+                       Undo undo) {
+  if (proto.predictor() == v1::GridLayer::PREDICTOR_MEDIAN) return undo(data, mask);
+  std::vector<T> cells(mask.valid.size());
+  std::memcpy(cells.data(), data.data(), data.size());
+  return cells;
+}
+
+absl::Status DecodeValues(const v1::GridLayer& proto, const std::string& data, const CellMask& mask,
+                          const FieldPath& field, std::vector<float>& values) {
+  values.resize(mask.valid.size());
+  if (proto.type() == v1::PointField::TYPE_INT16) {
+    const auto raw = CellsOf<std::int16_t>(proto, data, mask, DecodeCells);
+    for (std::size_t i = 0; i < raw.size(); ++i)
+      values[i] = static_cast<float>(raw[i] * proto.scale() + proto.offset());
+  } else {
+    std::memcpy(values.data(), data.data(), data.size());
+  }
+  const FieldPath cells = field.Child("data");
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!mask.valid[i]) values[i] = 0;
+    GEM_RETURN_IF_ERROR(CheckFinite(values[i], cells.At(i)));
   }
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::vector<std::uint8_t>> ValidFromProto(const v1::GridLayer& proto,
+                                                         std::size_t num_cells,
+                                                         const FieldPath& field) {
+  GEM_ASSIGN_OR_RETURN(
+      const std::string bitmap,
+      Bytes(proto.valid_bitmap(), proto.zstd(), (num_cells + 7) / 8, field.Child("valid_bitmap")));
+  std::vector<std::uint8_t> valid(num_cells);
+  for (std::size_t i = 0; i < num_cells; ++i)
+    valid[i] = static_cast<std::uint8_t>((bitmap[i / 8] >> (i % 8)) & 1);
+  return valid;
+}
+
 absl::StatusOr<GridLayer> LayerFromProto(const v1::GridLayer& proto, std::size_t num_cells,
-                                         const FieldPath& field) {
+                                         std::size_t columns, const FieldPath& field) {
   const int number = static_cast<int>(proto.layer());
   if (number < 1 || number > static_cast<int>(kLayerNames.size()))
     return Refuse(field.Child("layer"), LayerName(number), "a known layer");
   GridLayer layer{static_cast<Layer>(number - 1), {}, {}, {}};
   GEM_ASSIGN_OR_RETURN(const std::size_t cell_bytes, CellBytes(proto, layer.layer, field));
-  GEM_ASSIGN_OR_RETURN(
-      const std::string bitmap,
-      Bytes(proto.valid_bitmap(), proto.zstd(), (num_cells + 7) / 8, field.Child("valid_bitmap")));
+  GEM_ASSIGN_OR_RETURN(layer.valid, ValidFromProto(proto, num_cells, field));
+  const CellMask mask{layer.valid, columns};
+  GEM_ASSIGN_OR_RETURN(const std::size_t num_stored, NumStored(proto, mask, field));
   GEM_ASSIGN_OR_RETURN(const std::string data, Bytes(proto.data(), proto.zstd(),
-                                                     num_cells * cell_bytes, field.Child("data")));
-  layer.valid.resize(num_cells);
-  for (std::size_t i = 0; i < num_cells; ++i)
-    layer.valid[i] = static_cast<std::uint8_t>((bitmap[i / 8] >> (i % 8)) & 1);
-  if (layer.layer == Layer::kColor) {
-    layer.colors.resize(num_cells);
-    std::memcpy(layer.colors.data(), data.data(), data.size());
-    for (std::size_t i = 0; i < num_cells; ++i)
-      if (!layer.valid[i]) layer.colors[i] = 0;
+                                                     num_stored * cell_bytes, field.Child("data")));
+  if (layer.layer != Layer::kColor) {
+    GEM_RETURN_IF_ERROR(DecodeValues(proto, data, mask, field, layer.values));
     return layer;
   }
-  GEM_RETURN_IF_ERROR(DecodeValues(proto, data, field, layer));
+  layer.colors = CellsOf<Rgba>(proto, data, mask, DecodeColors);
+  for (std::size_t i = 0; i < num_cells; ++i)
+    if (!layer.valid[i]) layer.colors[i] = 0;
   return layer;
 }
 
@@ -241,9 +248,9 @@ absl::StatusOr<std::vector<Layer>> LayersFromProto(const std::vector<int>& layer
 }
 
 absl::StatusOr<CellEncoding> EncodingFromProto(int encoding, const FieldPath& field) {
-  if (encoding == v1::CELL_ENCODING_UNSPECIFIED || encoding == v1::CELL_ENCODING_RAW)
-    return CellEncoding::kRaw;
-  if (encoding == v1::CELL_ENCODING_COMPACT) return CellEncoding::kCompact;
+  if (encoding == v1::CELL_ENCODING_RAW) return CellEncoding::kRaw;
+  if (encoding == v1::CELL_ENCODING_UNSPECIFIED || encoding == v1::CELL_ENCODING_COMPACT)
+    return CellEncoding::kCompact;
   return Refuse(field, absl::StrCat(encoding), "CELL_ENCODING_RAW or CELL_ENCODING_COMPACT");
 }
 
@@ -251,8 +258,16 @@ void ToProto(const LayeredGrid& grid, CellEncoding encoding, v1::Grid* proto) {
   proto->set_columns(static_cast<std::uint32_t>(grid.columns));
   proto->set_rows(static_cast<std::uint32_t>(grid.rows));
   proto->set_cell_size_m(grid.cell_size_m);
+  proto->set_stamp_ns(grid.stamp_ns);
   proto->clear_layers();
-  for (const GridLayer& layer : grid.layers) LayerToProto(layer, encoding, proto->add_layers());
+  for (const GridLayer& layer : grid.layers) {
+    v1::GridLayer* layer_proto = proto->add_layers();
+    layer_proto->set_layer(static_cast<v1::Layer>(ToProto(layer.layer)));
+    if (encoding == CellEncoding::kCompact)
+      CompactToProto(layer, static_cast<std::size_t>(grid.columns), layer_proto);
+    else
+      RawToProto(layer, layer_proto);
+  }
 }
 
 absl::StatusOr<LayeredGrid> FromProto(const v1::Grid& proto, std::int32_t side_cells_max,
@@ -265,14 +280,17 @@ absl::StatusOr<LayeredGrid> FromProto(const v1::Grid& proto, std::int32_t side_c
     return Refuse(field.Child("rows"), absl::StrCat(proto.rows()), absl::StrCat("1 to ", limit));
   if (!std::isfinite(proto.cell_size_m()) || proto.cell_size_m() <= 0)
     return Refuse(field.Child("cell_size_m"), proto.cell_size_m(), "a finite number above 0");
+  GEM_RETURN_IF_ERROR(CheckStamp(proto.stamp_ns(), field.Child("stamp_ns")));
   LayeredGrid grid{static_cast<std::int32_t>(proto.columns()),
                    static_cast<std::int32_t>(proto.rows()),
                    proto.cell_size_m(),
-                   {}};
+                   {},
+                   proto.stamp_ns()};
   const FieldPath layers = field.Child("layers");
   for (int i = 0; i < proto.layers_size(); ++i) {
     const FieldPath element = layers.At(static_cast<std::size_t>(i));
-    absl::StatusOr<GridLayer> layer = LayerFromProto(proto.layers(i), grid.num_cells(), element);
+    absl::StatusOr<GridLayer> layer =
+        LayerFromProto(proto.layers(i), grid.num_cells(), proto.columns(), element);
     if (!layer.ok()) return layer.status();
     if (grid.Find(layer->layer) != nullptr)
       return Refuse(element.Child("layer"),

@@ -1,5 +1,5 @@
-// gem.v1.Grid <-> LayeredGrid: the encoding of cells (raw, or int16 and zstd) and its bounded
-// decoding.
+// gem.v1.Grid <-> LayeredGrid: the encoding of cells (raw, or int16, predicted and compressed) and
+// its bounded decoding.
 #pragma once
 
 #include <cstdint>
@@ -27,11 +27,12 @@ enum class CellEncoding : std::uint8_t { kRaw = 1, kCompact = 2 };
 absl::StatusOr<std::vector<Layer>> LayersFromProto(const std::vector<int>& layers,
                                                    const std::vector<Layer>& served,
                                                    const FieldPath& field);
-/// 0 means raw. Refuses unknown numbers.
+/// 0 means compact. Refuses unknown numbers.
 absl::StatusOr<CellEncoding> EncodingFromProto(int encoding, const FieldPath& field);
 /// gem.v1.Layer.
 int ToProto(Layer layer);
 
+/// The same grid gives the same bytes.
 void ToProto(const LayeredGrid& grid, CellEncoding encoding, v1::Grid* proto);
 
 /// Refuses more than side_cells_max cells a side, layers whose size does not fit, zstd frames whose

@@ -1,5 +1,6 @@
 #include "proto/wire/map.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "absl/strings/str_cat.h"
@@ -35,6 +36,14 @@ std::uint8_t StateBitOf(Layer layer) {
 
 float AgeSeconds(std::int64_t newest_ns, std::int64_t observed_ns) {
   return static_cast<float>(static_cast<double>(newest_ns - observed_ns) * 1e-9);
+}
+
+/// 0 if no cell is known.
+std::int64_t NewestStamp(const std::vector<CellBelief>& cells) {
+  std::int64_t newest_ns = 0;
+  for (const CellBelief& cell : cells)
+    if (cell.known()) newest_ns = std::max(newest_ns, cell.stamp_ns);
+  return newest_ns;
 }
 
 /// Fills a layer from value(i) and state(i).
@@ -85,26 +94,29 @@ void ToProto(const MapVersion& version, v1::MapVersion* proto) {
 
 MapVersion FromProto(const v1::MapVersion& proto) { return {proto.epoch(), proto.revision()}; }
 
-void ToProto(TileIndex tile, v1::TileKey* proto) {
-  proto->set_x(tile.x);
-  proto->set_y(tile.y);
+void ToProto(const TileAddress& tile, v1::TileKey* proto) {
+  proto->set_level(static_cast<std::uint32_t>(tile.level));
+  proto->set_x(tile.index.x);
+  proto->set_y(tile.index.y);
 }
 
-absl::StatusOr<TileIndex> FromProto(const v1::TileKey& proto, const FieldPath& field) {
-  if (proto.level() != 0) return Refuse(field.Child("level"), absl::StrCat(proto.level()), "0");
+absl::StatusOr<TileAddress> FromProto(const v1::TileKey& proto, const FieldPath& field) {
+  if (proto.level() > static_cast<std::uint32_t>(kLevelMax))
+    return Refuse(field.Child("level"), absl::StrCat(proto.level()),
+                  absl::StrCat("0 to ", kLevelMax));
   if (proto.x() < -kTileIndexMax || proto.x() > kTileIndexMax)
     return Refuse(field.Child("x"), absl::StrCat(proto.x()),
                   absl::StrCat("at most ", kTileIndexMax, " in magnitude"));
   if (proto.y() < -kTileIndexMax || proto.y() > kTileIndexMax)
     return Refuse(field.Child("y"), absl::StrCat(proto.y()),
                   absl::StrCat("at most ", kTileIndexMax, " in magnitude"));
-  return TileIndex{proto.x(), proto.y()};
+  return TileAddress{static_cast<int>(proto.level()), {proto.x(), proto.y()}};
 }
 
-LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
-                   std::span<const Layer> layers) {
-  LayeredGrid grid{kTileCells, kTileCells, static_cast<double>(cell_size_m), {}};
+LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::span<const Layer> layers) {
   const std::vector<CellBelief>& cells = tile.cells;
+  const std::int64_t newest_ns = NewestStamp(cells);
+  LayeredGrid grid{kTileCells, kTileCells, CellSizeAt(tile.level, cell_size_m), {}, newest_ns};
   const auto state = [&](std::size_t i) { return cells[i].state; };
   const auto add = [&](Layer layer, auto value) {
     grid.layers.push_back(MakeLayer(layer, cells.size(), state, value));
@@ -121,7 +133,7 @@ LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::int64_t newest_stam
         add(layer, [&](std::size_t i) { return cells[i].traversability; });
         break;
       case Layer::kAge:
-        add(layer, [&](std::size_t i) { return AgeSeconds(newest_stamp_ns, cells[i].stamp_ns); });
+        add(layer, [&](std::size_t i) { return AgeSeconds(newest_ns, cells[i].stamp_ns); });
         break;
       case Layer::kColor:
         grid.layers.push_back(
@@ -136,7 +148,8 @@ LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::int64_t newest_stam
 }
 
 LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers) {
-  LayeredGrid grid{map.side_cells, map.side_cells, static_cast<double>(map.cell_size_m), {}};
+  LayeredGrid grid{
+      map.side_cells, map.side_cells, static_cast<double>(map.cell_size_m), {}, map.stamp_ns};
   const auto state = [&](std::size_t i) { return map.state[i]; };
   const auto add = [&](Layer layer, const std::vector<float>& values) {
     grid.layers.push_back(
@@ -173,16 +186,16 @@ LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers) {
   return grid;
 }
 
-void ToProto(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
-             std::span<const Layer> layers, CellEncoding encoding, v1::Tile* proto) {
-  ToProto(tile.index, proto->mutable_key());
+void ToProto(const Tile& tile, float cell_size_m, std::span<const Layer> layers,
+             CellEncoding encoding, v1::Tile* proto) {
+  ToProto(TileAddress{tile.level, tile.index}, proto->mutable_key());
   ToProto(tile.version, proto->mutable_version());
-  ToProto(GridOf(tile, cell_size_m, newest_stamp_ns, layers), encoding, proto->mutable_grid());
+  ToProto(GridOf(tile, cell_size_m, layers), encoding, proto->mutable_grid());
 }
 
 absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field) {
   DecodedTile tile;
-  GEM_ASSIGN_OR_RETURN(tile.index, FromProto(proto.key(), field.Child("key")));
+  GEM_ASSIGN_OR_RETURN(tile.address, FromProto(proto.key(), field.Child("key")));
   tile.version = FromProto(proto.version());
   tile.etag = proto.etag();
   switch (proto.content_case()) {

@@ -31,22 +31,23 @@ const std::vector<Layer>& LocalMapLayers();
 void ToProto(const MapVersion& version, v1::MapVersion* proto);
 MapVersion FromProto(const v1::MapVersion& proto);
 
-void ToProto(TileIndex tile, v1::TileKey* proto);
-/// Level 0 only, and |x|, |y| at most 2^23, so that the cell indices fit 32 bits.
-absl::StatusOr<TileIndex> FromProto(const v1::TileKey& proto, const FieldPath& field);
+void ToProto(const TileAddress& tile, v1::TileKey* proto);
+/// Levels up to kLevelMax, and |x|, |y| at most 2^23, so that the cell indices fit 32 bits.
+absl::StatusOr<TileAddress> FromProto(const v1::TileKey& proto, const FieldPath& field);
 
-/// The cells of a tile by layers. Ages count back from newest_stamp_ns.
-LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
-                   std::span<const Layer> layers);
+/// The cells of a tile by layers. cell_size_m: of level 0. Ages count back from the newest
+/// observation in the tile, so that a tile that stays as it is has the same ages for ever.
+LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::span<const Layer> layers);
 /// The cells of a local map by layers. Ages count back from the map's stamp.
 LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers);
 
-void ToProto(const Tile& tile, float cell_size_m, std::int64_t newest_stamp_ns,
-             std::span<const Layer> layers, CellEncoding encoding, v1::Tile* proto);
+/// Key, version and cells. The same cells give the same bytes.
+void ToProto(const Tile& tile, float cell_size_m, std::span<const Layer> layers,
+             CellEncoding encoding, v1::Tile* proto);
 
 /// A tile as a client sees it. No grid: absent, unless it is not_modified.
 struct DecodedTile {
-  TileIndex index;
+  TileAddress address;
   MapVersion version;
   std::uint64_t etag = 0;  ///< 0: the server sent none
   bool not_modified = false;

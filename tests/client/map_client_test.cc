@@ -148,7 +148,7 @@ TEST_F(MapClientTest, RefusesATileThatWasNotAskedFor) {
     return status;
   };
   EXPECT_THAT(std::string(Client().GetTiles("yard", Row(1), {}).status().message()),
-              HasSubstr("tile (99, -1) instead of (0, -1)"));
+              HasSubstr("tile (0, 99, -1) instead of (0, 0, -1)"));
 }
 
 TEST_F(MapClientTest, RefusesATileWithoutTheLayerOrOfAnotherSize) {

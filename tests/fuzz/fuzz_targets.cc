@@ -150,8 +150,7 @@ std::vector<std::string> TileSeeds() {
   tile.cells[5] = {1.5f,       0.01f,         0.9f,
                    0xff102030, 1'000'000'000, kCellKnown | kCellAnnotated | kCellColored};
   v1::Tile proto;
-  wire::ToProto(tile, 0.2f, 2'000'000'000, wire::TileLayers(), wire::CellEncoding::kCompact,
-                &proto);
+  wire::ToProto(tile, 0.2f, wire::TileLayers(), wire::CellEncoding::kCompact, &proto);
   seeds.push_back(proto.SerializeAsString());
   proto.Clear();
   proto.set_absent(true);

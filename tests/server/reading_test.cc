@@ -75,6 +75,20 @@ TEST_F(Reading, TilesComeInTheOrderOfTheRequestAndAbsentOnesSaySo) {
   EXPECT_GT(layer.values[0], 0.99f);
 }
 
+TEST_F(Reading, CoarserLevelsHaveTilesToo) {
+  v1::BatchGetTilesRequest request;
+  request.set_map("site");
+  request.add_tiles()->set_level(2);
+  v1::BatchGetTilesResponse response;
+  ASSERT_TRUE(Get(server_.tiles(), &v1::TileService::Stub::BatchGetTiles, request, response).ok());
+  const auto tile = wire::FromProto(response.tiles(0), wire::FieldPath("tile"));
+  ASSERT_TRUE(tile.ok()) << tile.status();
+  EXPECT_EQ(tile->address, (TileAddress{2, {0, 0}}));
+  ASSERT_TRUE(tile->grid.has_value());
+  EXPECT_EQ(tile->grid->cell_size_m, 4 * 0.5);
+  EXPECT_EQ(tile->grid->layers[0].valid[0], 1);
+}
+
 TEST_F(Reading, RefusesTileRequestsByName) {
   const auto refused = [&](const std::function<void(v1::BatchGetTilesRequest&)>& spoil) {
     v1::BatchGetTilesRequest request;
@@ -92,8 +106,8 @@ TEST_F(Reading, RefusesTileRequestsByName) {
               for (int i = 0; i < 64; ++i) r.add_tiles();
             }),
             "tiles is 65 tiles, want 1 to 64");
-  EXPECT_EQ(refused([](auto& r) { r.mutable_tiles(0)->set_level(2); }),
-            "tiles[0].level is 2, want 0");
+  EXPECT_EQ(refused([](auto& r) { r.mutable_tiles(0)->set_level(7); }),
+            "tiles[0].level is 7, want 0 to 6");
   EXPECT_EQ(refused([](auto& r) { r.add_layers(v1::LAYER_SLOPE); }),
             "layers[0] is LAYER_SLOPE, want one of LAYER_ELEVATION LAYER_VARIANCE "
             "LAYER_TRAVERSABILITY LAYER_COLOR LAYER_AGE");
@@ -211,16 +225,16 @@ TEST_F(Reading, TheStatusListsSessionsAndTimings) {
   EXPECT_EQ(response.sessions(0).num_scans_fused(), 5u);
   EXPECT_EQ(response.sessions(0).fused_seq(), 5u);
   EXPECT_EQ(response.sessions(0).oldest_s(), 0);
-  ASSERT_EQ(response.timings_size(), 11);
+  ASSERT_EQ(response.timings_size(), 12);
   EXPECT_EQ(response.timings(0).stage(), "move");
   EXPECT_EQ(response.timings(0).count(), 5u);
   EXPECT_GE(response.timings(0).total_s(), response.timings(0).max_s());
-  EXPECT_EQ(response.timings(9).stage(), "scan");
+  EXPECT_EQ(response.timings(10).stage(), "scan");
   // Every run is in a bucket, and the last one, which is infinite, counts all.
-  ASSERT_GT(response.timings(9).buckets_size(), 2);
-  EXPECT_EQ(response.timings(9).buckets().rbegin()->count(), 5u);
-  EXPECT_TRUE(std::isinf(response.timings(9).buckets().rbegin()->upper_s()));
-  EXPECT_EQ(response.timings(10).stage(), "correction");
+  ASSERT_GT(response.timings(10).buckets_size(), 2);
+  EXPECT_EQ(response.timings(10).buckets().rbegin()->count(), 5u);
+  EXPECT_TRUE(std::isinf(response.timings(10).buckets().rbegin()->upper_s()));
+  EXPECT_EQ(response.timings(11).stage(), "correction");
 }
 
 TEST_F(Reading, TheStatusSaysWhatIsCalledAndHowFarMapsAreBehind) {

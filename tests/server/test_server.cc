@@ -181,7 +181,7 @@ std::vector<std::pair<CellIndex, float>> TestMap::Cells() const {
   for (const wire::DecodedTile& tile : tiles) {
     if (!tile.grid.has_value()) continue;
     const GridLayer& heights = *tile.grid->Find(Layer::kElevation);
-    const CellIndex origin = OriginOf(tile.index);
+    const CellIndex origin = OriginOf(tile.address.index);
     for (std::int32_t i = 0; i < kTileCells * kTileCells; ++i)
       if (heights.valid[static_cast<std::size_t>(i)])
         cells.push_back({{origin.x + i % kTileCells, origin.y + i / kTileCells},
@@ -202,6 +202,7 @@ TestMap FetchMap(TestServer& server, const std::string& map) {
   if (matrix.tiles().empty()) return result;
   v1::BatchGetTilesRequest request;
   request.set_map(map);
+  request.set_encoding(v1::CELL_ENCODING_RAW);
   *request.mutable_tiles() = matrix.tiles();
   v1::BatchGetTilesResponse response;
   status =
