@@ -102,9 +102,9 @@ void HitLanes::Deal(const HitRun& run, std::uint32_t begin, std::uint32_t end) {
     const std::uint32_t lanes = (marked & kLongBit) != 0 ? 1 : kLanes;
     next[cell] = marked + 2 * lanes;
     const std::uint32_t at = marked & ~kLongBit;
-    heights[at] = part.height[i].elevation_m;
-    heights[at + lanes] = part.height[i].variance_m2;
-    if (is_colored_) rgba_[at] = part.rgba[i];
+    heights[at] = part.elevation_m[i];
+    heights[at + lanes] = part.variance_m2[i];
+    if (is_colored_) rgba_[at] = part.is_colored ? part.rgba[i] : 0;
   }
 }
 

@@ -1,7 +1,9 @@
 #include "core/local/cpu/point_pass.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 namespace gem::cpu {
@@ -13,6 +15,8 @@ constexpr std::size_t kBlock = 256;
 constexpr std::size_t kGroup = 32;
 
 struct Block {
+  alignas(64) float x_m[kBlock], y_m[kBlock], z_m[kBlock];
+  alignas(64) Rgba rgba[kBlock];
   alignas(64) std::int32_t ray_place[kBlock];
   alignas(64) float ray_slope[kBlock];
   alignas(64) std::int32_t over_window[kBlock];  // 1: perhaps in the window, 0: surely not
@@ -26,6 +30,8 @@ struct Passed {
 
 // What lies farther below zero is not in cell 0, however the quotient is rounded.
 constexpr float kRounding_m = 1e-6f;
+// The place of no point: it is out of every range.
+constexpr float kNowhere_m = std::numeric_limits<float>::quiet_NaN();
 
 // Coordinates over the window that might divide into a cell of it are at most this.
 float SpanOver(const ScanFrame& frame) {
@@ -33,38 +39,54 @@ float SpanOver(const ScanFrame& frame) {
   return std::nextafter(span_m, std::numeric_limits<float>::infinity());
 }
 
+// Points that lie one after the other become coordinates side by side. Behind the last one come
+// points that are nowhere: every block is full, and no loop over it ends in one without vectors.
+void Unpack(const ScanPoint* points, std::size_t count, Block& block) {
+  // As values of one type: a compiler does not load a whole point if it is told of a part of it.
+  static_assert(sizeof(ScanPoint) == 4 * sizeof(float));
+  alignas(64) float values[4 * kBlock];
+  std::memcpy(values, points, count * sizeof(ScanPoint));
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    block.x_m[i] = values[4 * i];
+    block.y_m[i] = values[4 * i + 1];
+    block.z_m[i] = values[4 * i + 2];
+    block.rgba[i] = std::bit_cast<Rgba>(values[4 * i + 3]);
+  }
+  std::fill(block.x_m + count, block.x_m + kBlock, kNowhere_m);
+  std::fill(block.rgba + count, block.rgba + kBlock, Rgba{0});
+}
+
 // MeasureBeam and RayTo of a block's points without branches. The cell is left to SeeHits, which
-// divides: most points of a scan lie outside the window.
+// divides: most points of a scan lie outside the window. Returns how many may lie over it.
 template <bool kHasBody>
-void SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m, std::int32_t limit,
-              const ScanPoint* points, std::size_t count, Block& block, Passed& passed) {
+std::int32_t SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m,
+                      std::int32_t limit, Block& block, Passed& passed) {
   const ScanFrame frame = frame_in;  // copies, which stores below cannot change
   const RayBins bins = bins_in;
-  std::int32_t* __restrict place = block.ray_place;
-  float* __restrict slope = block.ray_slope;
-  std::int32_t* __restrict over_window = block.over_window;
-  std::int32_t num_range = 0, num_body = 0, num_low = 0, num_high = 0;
-  // Colours are looked at so that all four values of a point are used: else the last points of a
-  // block would be left to a loop without vectors, lest the load of the last one reach too far.
+  std::int32_t num_range = 0, num_body = 0, num_low = 0, num_high = 0, num_over = 0;
   Rgba any_rgba = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const bool in_range = InRange(frame, Range2Of(points[i]));
+  GEM_INDEPENDENT
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const float x_m = block.x_m[i], y_m = block.y_m[i], z_m = block.z_m[i];
+    const bool in_range = InRange(frame, Range2Of({x_m, y_m, z_m, 0}));
     // What is out of range may overflow: it goes on as the sensor's own place.
-    const ScanPoint p_S{in_range ? points[i].x_m : 0.0f, in_range ? points[i].y_m : 0.0f,
-                        in_range ? points[i].z_m : 0.0f, 0};
+    const ScanPoint p_S{in_range ? x_m : 0.0f, in_range ? y_m : 0.0f, in_range ? z_m : 0.0f, 0};
     const bool off_body = kHasBody ? in_range & !InBody(frame, p_S) : in_range;
     const Offset offset = OffsetOf(frame, p_S);
     const float height_m = offset.z_m + frame.sensor_over_base_m;
     const bool not_low = off_body & !(height_m < frame.height_m_min);
     const bool not_high = not_low & !(height_m > frame.height_m_max);
     const RayPlace ray = RayPlaceOf(RayTo(offset.x_m, offset.y_m, offset.z_m, bins), bins, limit);
-    place[i] = ray.index;
-    slope[i] = not_low ? ray.slope : kNoRay;
-    const float x_m = frame.sensor_x_m + offset.x_m, y_m = frame.sensor_y_m + offset.y_m;
-    const bool inside = (x_m > -kRounding_m) & (x_m <= span_m) &  //
-                        (y_m > -kRounding_m) & (y_m <= span_m);
-    over_window[i] = (not_high & inside) ? 1 : 0;
-    any_rgba |= points[i].rgba;
+    block.ray_place[i] = ray.index;
+    block.ray_slope[i] = not_low ? ray.slope : kNoRay;
+    const float over_x_m = frame.sensor_x_m + offset.x_m;
+    const float over_y_m = frame.sensor_y_m + offset.y_m;
+    const bool inside = (over_x_m > -kRounding_m) & (over_x_m <= span_m) &  //
+                        (over_y_m > -kRounding_m) & (over_y_m <= span_m);
+    const std::int32_t over_window = (not_high & inside) ? 1 : 0;
+    block.over_window[i] = over_window;
+    num_over += over_window;
+    any_rgba |= block.rgba[i];
     num_range += static_cast<std::int32_t>(in_range);
     num_body += static_cast<std::int32_t>(off_body);
     num_low += static_cast<std::int32_t>(not_low);
@@ -75,6 +97,7 @@ void SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m, s
   passed.low += num_low;
   passed.high += num_high;
   passed.any_rgba |= any_rgba;
+  return num_over;
 }
 
 std::uint32_t BitsOf(const std::int32_t* flags) {
@@ -91,20 +114,15 @@ struct Hits {
   alignas(64) std::int32_t inside[kGroup];
 };
 
-// Cells and heights of a group, of which some points lie over the window. The others are measured
-// along with them, as if they lay where the sensor is, and not listed.
-void SeeHits(const ScanFrame& frame_in, const ScanPoint* points, const std::int32_t* over_window,
-             Hits& hits) {
+// Cells and heights of the group from `first` on, of which some points lie over the window. The
+// others are measured along with them, as if they lay where the sensor is, and not listed.
+void SeeHits(const ScanFrame& frame_in, const Block& block, std::size_t first, Hits& hits) {
   const ScanFrame frame = frame_in;
   const auto side = static_cast<std::uint32_t>(frame.side_cells);
-  std::uint32_t* __restrict cell = hits.cell;
-  float* __restrict elevation_m = hits.elevation_m;
-  float* __restrict variance_m2 = hits.variance_m2;
-  Rgba* __restrict rgba = hits.rgba;
-  std::int32_t* __restrict in_window = hits.inside;
+  GEM_INDEPENDENT
   for (std::size_t i = 0; i < kGroup; ++i) {
-    const bool over = over_window[i] != 0;
-    const float x_m = points[i].x_m, y_m = points[i].y_m, z_m = points[i].z_m;
+    const bool over = block.over_window[first + i] != 0;
+    const float x_m = block.x_m[first + i], y_m = block.y_m[first + i], z_m = block.z_m[first + i];
     const ScanPoint p_S{over ? x_m : 0.0f, over ? y_m : 0.0f, over ? z_m : 0.0f, 0};
     const Offset offset = OffsetOf(frame, p_S);
     const WindowPlace place = WindowPlaceOf(frame, offset);
@@ -113,35 +131,65 @@ void SeeHits(const ScanFrame& frame_in, const ScanPoint* points, const std::int3
     const auto row = static_cast<std::int32_t>(place.row);
     const Beam beam{offset.x_m,           offset.y_m, offset.z_m, std::sqrt(Range2Of(p_S)),
                     PointFate::kInWindow, column,     row};
-    cell[i] = static_cast<std::uint32_t>(row) * side + static_cast<std::uint32_t>(column);
-    elevation_m[i] = ElevationOf(frame, beam);
-    variance_m2[i] = SensorVarianceOf(frame, p_S, beam);
-    rgba[i] = points[i].rgba;
-    in_window[i] = inside ? 1 : 0;
+    hits.cell[i] = static_cast<std::uint32_t>(row) * side + static_cast<std::uint32_t>(column);
+    hits.elevation_m[i] = ElevationOf(frame, beam);
+    hits.variance_m2[i] = SensorVarianceOf(frame, p_S, beam);
+    hits.rgba[i] = block.rgba[first + i];
+    hits.inside[i] = inside ? 1 : 0;
+  }
+}
+
+// Moves the hits that are marked by bits to the front, and says how many there are.
+std::size_t Compact(std::uint32_t bits, Hits& hits) {
+  if (bits == ~0u) return kGroup;
+  std::size_t count = 0;
+  for (; bits != 0; bits &= bits - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(bits));
+    hits.cell[count] = hits.cell[i];
+    hits.elevation_m[count] = hits.elevation_m[i];
+    hits.variance_m2[count] = hits.variance_m2[i];
+    hits.rgba[count] = hits.rgba[i];
+    ++count;
+  }
+  return count;
+}
+
+// Adds the first `count` hits, at least one, to the counts of their cells. A LiDAR's next beam
+// mostly ends in the cell of the last one, and to add one by one is to wait for the last sum.
+void CountHits(const Hits& hits, std::size_t count, std::uint32_t* count_of_cell) {
+  alignas(64) std::int32_t begins[kGroup];  // another cell than the hit before
+  begins[0] = 1;
+  for (std::size_t i = 1; i < kGroup; ++i) begins[i] = hits.cell[i] != hits.cell[i - 1] ? 1 : 0;
+  std::uint32_t bits = BitsOf(begins) & (~0u >> (kGroup - count));
+  while (bits != 0) {
+    const int begin = std::countr_zero(bits);
+    bits &= bits - 1;
+    const int end = bits != 0 ? std::countr_zero(bits) : static_cast<int>(count);
+    count_of_cell[hits.cell[begin]] += static_cast<std::uint32_t>(end - begin);
   }
 }
 
 // Where the next hit is listed. Pointers, for the lists are long enough by now.
 struct Lists {
   std::uint32_t* cell;
-  Height* height;
+  float* elevation_m;
+  float* variance_m2;
   Rgba* rgba;
   std::uint32_t* count_of_cell;
   std::size_t num_hits;
+  bool is_colored;
 };
 
-void List(const Hits& hits, std::uint32_t bits, Lists& lists_in) {
-  Lists lists = lists_in;  // a copy, which stores below cannot change
-  for (; bits != 0; bits &= bits - 1) {
-    const auto i = static_cast<std::size_t>(std::countr_zero(bits));
-    const std::uint32_t cell = hits.cell[i];
-    lists.cell[lists.num_hits] = cell;
-    lists.height[lists.num_hits] = {hits.elevation_m[i], hits.variance_m2[i]};
-    lists.rgba[lists.num_hits] = hits.rgba[i];
-    ++lists.num_hits;
-    ++lists.count_of_cell[cell];
-  }
-  lists_in.num_hits = lists.num_hits;
+void List(std::uint32_t bits, Hits& hits, Lists& lists) {
+  const std::size_t count = Compact(bits, hits);
+  if (count == 0) return;
+  // Always a whole group: what lies behind the last hit is overwritten by the next ones.
+  std::copy_n(hits.cell, kGroup, lists.cell + lists.num_hits);
+  std::copy_n(hits.elevation_m, kGroup, lists.elevation_m + lists.num_hits);
+  std::copy_n(hits.variance_m2, kGroup, lists.variance_m2 + lists.num_hits);
+  if (lists.is_colored) std::copy_n(hits.rgba, kGroup, lists.rgba + lists.num_hits);
+  CountHits(hits, count, lists.count_of_cell);
+  lists.num_hits += count;
 }
 
 template <bool kHasBody>
@@ -150,20 +198,20 @@ void MeasureBlocks(const ScanFrame& frame, std::span<const ScanPoint> points, st
   const float span_m = SpanOver(frame);
   Block block;
   Hits hits;
-  ScanPoint tail[kGroup] = {};  // the scan's last group, if it is not full
   for (std::size_t begin = 0; begin < points.size(); begin += kBlock) {
-    const std::size_t count = std::min(kBlock, points.size() - begin);
-    const ScanPoint* from = points.data() + begin;
-    SeeBlock<kHasBody>(frame, rays.bins(), span_m, limit, from, count, block, passed);
-    rays.Add(block.ray_place, block.ray_slope, count);
-    std::fill(block.over_window + count, block.over_window + kBlock, 0);
-    for (std::size_t first = 0; first < count; first += kGroup) {
-      const std::uint32_t bits = BitsOf(block.over_window + first);
-      if (bits == 0) continue;
-      const ScanPoint* group = from + first;
-      if (count - first < kGroup) group = std::copy_n(group, count - first, tail) - (count - first);
-      SeeHits(frame, group, block.over_window + first, hits);
-      List(hits, BitsOf(hits.inside), lists);
+    Unpack(points.data() + begin, std::min(kBlock, points.size() - begin), block);
+    const std::int32_t num_over =
+        SeeBlock<kHasBody>(frame, rays.bins(), span_m, limit, block, passed);
+    rays.Add(block.ray_place, block.ray_slope, kBlock);
+    if (!lists.is_colored && HasColor(passed.any_rgba)) {
+      lists.is_colored = true;
+      std::fill_n(lists.rgba, lists.num_hits, Rgba{0});
+    }
+    if (num_over == 0) continue;
+    for (std::size_t first = 0; first < kBlock; first += kGroup) {
+      if (BitsOf(block.over_window + first) == 0) continue;
+      SeeHits(frame, block, first, hits);
+      List(BitsOf(hits.inside), hits, lists);
     }
   }
 }
@@ -171,10 +219,12 @@ void MeasureBlocks(const ScanFrame& frame, std::span<const ScanPoint> points, st
 }  // namespace
 
 void BeginPart(std::size_t num_points, std::int32_t range_bin_limit, MeasuredPart& part) {
-  if (part.cell.size() < num_points) {
-    part.cell.resize(num_points);
-    part.height.resize(num_points);
-    part.rgba.resize(num_points);
+  const std::size_t num_listed = num_points + kGroup;
+  if (part.cell.size() < num_listed) {
+    part.cell.resize(num_listed);
+    part.elevation_m.resize(num_listed);
+    part.variance_m2.resize(num_listed);
+    part.rgba.resize(num_listed);
   }
   part.num_hits = 0;
   part.is_colored = false;
@@ -185,8 +235,9 @@ void BeginPart(std::size_t num_points, std::int32_t range_bin_limit, MeasuredPar
 HitRun MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
                      std::int32_t range_bin_limit, MeasuredPart& part) {
   Passed passed;
-  Lists lists{part.cell.data(), part.height.data(), part.rgba.data(), part.count_of_cell.data(),
-              part.num_hits};
+  Lists lists{part.cell.data(), part.elevation_m.data(),   part.variance_m2.data(),
+              part.rgba.data(), part.count_of_cell.data(), part.num_hits,
+              part.is_colored};
   RunVectorised(set, [&] {
     if (frame.has_body) {
       MeasureBlocks<true>(frame, points, range_bin_limit, part.rays, lists, passed);
@@ -196,7 +247,7 @@ HitRun MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const Scan
   });
   const HitRun run{&part, part.num_hits, lists.num_hits};
   part.num_hits = lists.num_hits;
-  part.is_colored = part.is_colored || HasColor(passed.any_rgba);
+  part.is_colored = lists.is_colored;
   const auto num_hits = static_cast<std::int32_t>(run.end - run.begin);
   const auto count = [&](PointFate fate, std::int32_t num_points) {
     part.fates[static_cast<std::size_t>(fate)] += static_cast<std::uint32_t>(num_points);

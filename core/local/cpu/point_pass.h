@@ -24,9 +24,10 @@ struct MeasuredPart {
   // Hits, of each run in point order; the first num_hits of each list.
   std::size_t num_hits = 0;
   std::vector<std::uint32_t> cell;  ///< window index: row * side_cells + column
-  std::vector<Height> height;       ///< variance: of the sensor alone
-  std::vector<Rgba> rgba;
-  bool is_colored = false;  ///< some point has a colour
+  std::vector<float> elevation_m;
+  std::vector<float> variance_m2;  ///< of the sensor alone
+  std::vector<Rgba> rgba;          ///< means something if is_colored
+  bool is_colored = false;         ///< some point has a colour
 
   std::vector<std::uint32_t> count_of_cell;  ///< hits by window index; all zero between scans
 
