@@ -5,13 +5,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <deque>
+#include <random>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "client/call_status.h"
 #include "client/ingest_messages.h"
+#include "client/send_buffer.h"
 #include "core/base/mutex.h"
 #include "core/base/status_macros.h"
 #include "gem/v1/ingest_service.grpc.pb.h"
@@ -28,26 +29,9 @@ using Stream = grpc::ClientReaderWriter<v1::IngestRequest, v1::IngestResponse>;
 constexpr double kPauseMax_s = 60;
 // How long a closed stream may take to end by itself.
 constexpr double kGoodbye_s = 2;
-// Scans that wait to be written; more would only add to the robot's memory.
-constexpr std::size_t kUnwrittenScansMax = 2;
-// Batches of poses that wait to be written.
-constexpr std::size_t kUnwrittenPosesMax = 16;
-// Batches of poses that are kept for the next stream while no scan follows them.
-constexpr std::size_t kWrittenPosesMax = 64;
-
 Clock::duration Seconds(double seconds) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
 }
-
-/// A scan or a batch of poses that the server has not yet used.
-struct Pending {
-  std::uint64_t seq = 0;  ///< of the scan, or of the last scan before the poses
-  bool is_scan = false;
-  std::uint64_t credit_bytes = 0;  ///< of points or pixels
-  std::uint64_t buffer_bytes = 0;  ///< what it takes of the buffer
-  // Shared: the server may acknowledge a message that is still being written.
-  std::shared_ptr<const v1::IngestRequest> request;
-};
 
 /// How one stream ended.
 struct StreamEnd {
@@ -64,8 +48,10 @@ class IngestClient::Impl {
        IngestOptions options)
       : connection_(std::move(connection)),
         options_(std::move(options)),
-        stub_(v1::IngestService::NewStub(connection_->channel())) {
+        stub_(v1::IngestService::NewStub(connection_->channel())),
+        buffer_(options_.buffer_bytes_max) {
     ToProto(setup, open_request_.mutable_open());
+    open_request_.mutable_open()->set_opener(RandomOpener());
   }
 
   ~Impl() {
@@ -105,9 +91,11 @@ class IngestClient::Impl {
                        scan.depth_image ? "depths and colours" : "points",
                        ", the server takes at most ", opened_.scan_bytes_max));
     MutexLock lock(mutex_);
-    GEM_RETURN_IF_ERROR(WaitForRoomLocked(/*for_scan=*/true, size_bytes));
-    request->mutable_scan()->set_seq(++sent_seq_);
-    AddLocked({sent_seq_, true, size_bytes, size_bytes, std::move(request)});
+    GEM_RETURN_IF_ERROR(WaitForRoomLocked([=, this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      return buffer_.HasRoomForScan(size_bytes);
+    }));
+    buffer_.AddScan(std::move(request), size_bytes);
+    changed_.NotifyAll();
     return absl::OkStatus();
   }
 
@@ -119,15 +107,18 @@ class IngestClient::Impl {
     wire::ToProto(poses, request->mutable_poses());
     const std::uint64_t size_bytes = request->ByteSizeLong();
     MutexLock lock(mutex_);
-    GEM_RETURN_IF_ERROR(WaitForRoomLocked(/*for_scan=*/false, size_bytes));
-    AddLocked({sent_seq_, false, 0, size_bytes, std::move(request)});
+    GEM_RETURN_IF_ERROR(WaitForRoomLocked([=, this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      return buffer_.HasRoomForPoses(size_bytes);
+    }));
+    buffer_.AddPoses(std::move(request), size_bytes);
+    changed_.NotifyAll();
     return absl::OkStatus();
   }
 
   absl::Status WaitUntilFused() {
     MutexLock lock(mutex_);
     return WaitLocked("scans to be fused", [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-      return fused_seq_ >= sent_seq_ && num_written_ == pending_.size();
+      return buffer_.all_fused();
     });
   }
 
@@ -144,7 +135,7 @@ class IngestClient::Impl {
 
   IngestProgress progress() const {
     MutexLock lock(mutex_);
-    return {sent_seq_, fused_seq_, num_problems_, num_reconnects_};
+    return {buffer_.written_seq(), buffer_.fused_seq(), num_problems_, num_reconnects_};
   }
 
  private:
@@ -166,49 +157,13 @@ class IngestClient::Impl {
     return absl::OkStatus();
   }
 
-  absl::Status WaitForRoomLocked(bool for_scan, std::uint64_t size_bytes)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+  template <typename Condition>
+  absl::Status WaitForRoomLocked(Condition has_room) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (close_wanted_) return absl::FailedPreconditionError("the session is closed");
     return WaitLocked("credit", [=, this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
       // Also true while a broken stream is opened anew: what comes fits the buffer all the same.
-      const bool fits =
-          pending_bytes_ == 0 || pending_bytes_ + size_bytes <= options_.buffer_bytes_max;
-      const std::size_t num_poses = FirstUnwrittenScanLocked() - num_written_;
-      const std::size_t num_scans = pending_.size() - num_written_ - num_poses;
-      return !ended_ && fits &&
-             (for_scan ? num_scans < kUnwrittenScansMax : num_poses < kUnwrittenPosesMax);
+      return !ended_ && has_room();
     });
-  }
-
-  /// Place of the first scan that is not written; what lies before it and is not written is poses.
-  std::size_t FirstUnwrittenScanLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    std::size_t place = num_written_;
-    while (place < pending_.size() && !pending_[place].is_scan) ++place;
-    return place;
-  }
-
-  void AddLocked(Pending pending) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    while (num_written_ > kWrittenPosesMax && !pending_.front().is_scan) PopLocked();
-    pending_bytes_ += pending.buffer_bytes;
-    std::size_t place = pending_.size();
-    if (!pending.is_scan) {
-      // Poses overtake scans that wait for credit: the scans that hold it may wait for the poses.
-      place = FirstUnwrittenScanLocked();
-      if (place < pending_.size()) pending.seq = pending_[place].seq - 1;
-    }
-    pending_.insert(pending_.begin() + static_cast<std::ptrdiff_t>(place), std::move(pending));
-    changed_.NotifyAll();
-  }
-
-  void PopLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    pending_bytes_ -= pending_.front().buffer_bytes;
-    pending_.pop_front();
-    --num_written_;
-  }
-
-  /// Poses are needed until the scan after them is fused.
-  bool IsUsedLocked(const Pending& pending) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return pending.is_scan ? pending.seq <= fused_seq_ : pending.seq < fused_seq_;
   }
 
   // --- The supervisor's thread: one stream after the other, each read to its end.
@@ -256,6 +211,7 @@ class IngestClient::Impl {
       close_written_ = false;
       // The session may have ended by the close whose answer was lost.
       open_request_.mutable_open()->set_closing(close_ever_written_);
+      open_request_.mutable_open()->set_attempt(open_request_.open().attempt() + 1);
     }
     const std::unique_ptr<Stream> stream = stub_->Ingest(&context);
     stream->Write(open_request_);
@@ -310,29 +266,20 @@ class IngestClient::Impl {
 
   absl::Status HandleOpened(const v1::SessionOpened& opened) {
     MutexLock lock(mutex_);
-    const std::uint64_t resume_after_seq = opened.resume_after_seq();
     if (!opened_once_) {
-      opened_ = {resume_after_seq, opened.scan_bytes_max(), opened.cell_size_m(),
+      opened_ = {opened.resume_after_seq(), opened.scan_bytes_max(), opened.cell_size_m(),
                  opened.local_map_side_m()};
-      sent_seq_ = fused_seq_ = resume_after_seq;
+      epoch_ = opened.epoch();
+      buffer_.Begin(opened.resume_after_seq());
       opened_once_ = true;
     }
-    const std::uint64_t oldest_kept = pending_.empty() ? sent_seq_ + 1 : OldestScanLocked();
-    if (resume_after_seq + 1 < oldest_kept)
-      return absl::DataLossError(absl::StrCat("the server forgot the session: it wants scan ",
-                                              resume_after_seq + 1, ", the oldest that is kept is ",
-                                              oldest_kept));
-    if (resume_after_seq > sent_seq_)
-      return absl::FailedPreconditionError(
-          absl::StrCat("another client feeds the session: the server has scan ", resume_after_seq,
-                       ", the newest sent is ", sent_seq_));
-    // What the server has is kept until it is fused, but not sent again.
-    num_written_ = 0;
-    while (num_written_ < pending_.size()) {
-      const Pending& pending = pending_[num_written_];
-      if (pending.is_scan ? pending.seq > resume_after_seq : pending.seq >= resume_after_seq) break;
-      ++num_written_;
-    }
+    const absl::Status resumed = buffer_.Resume(opened.resume_after_seq());
+    if (absl::IsDataLoss(resumed))
+      return absl::DataLossError(absl::StrCat(
+          opened.epoch() == epoch_ ? "the server forgot the session: "
+                                   : "the server was restarted and what it had fused is lost: ",
+          resumed.message(), "; open a new session"));
+    if (!resumed.ok()) return resumed;
     credit_bytes_ = CreditOf(opened.credit_bytes());
     stream_open_ = true;
     progress_time_ = Clock::now();
@@ -348,9 +295,7 @@ class IngestClient::Impl {
         end.progressed = true;
       }
       credit_bytes_ = std::min(credit_bytes_ + CreditOf(ack.credit_bytes()), kCreditMax);
-      // A server that acknowledges what was never sent must not make us drop it.
-      fused_seq_ = std::max(fused_seq_, std::min(ack.fused_seq(), WrittenSeqLocked()));
-      while (num_written_ > 0 && IsUsedLocked(pending_.front())) PopLocked();
+      buffer_.Acknowledge(ack.fused_seq());
       num_problems_ += static_cast<std::uint64_t>(ack.problems_size()) + ack.problems_left_out();
       progress_time_ = Clock::now();
       changed_.NotifyAll();
@@ -382,14 +327,10 @@ class IngestClient::Impl {
       return;
     }
     while (!stream_broken_) {
-      if (num_written_ < pending_.size() &&
-          static_cast<std::int64_t>(pending_[num_written_].credit_bytes) <= credit_bytes_) {
-        const std::shared_ptr<const v1::IngestRequest> request = pending_[num_written_].request;
-        credit_bytes_ -= static_cast<std::int64_t>(pending_[num_written_].credit_bytes);
-        ++num_written_;
+      if (const auto request = buffer_.TakeNext(credit_bytes_)) {
         changed_.NotifyAll();
         if (!WriteUnlocked(stream, *request)) return;
-      } else if (num_written_ == pending_.size() && close_wanted_ && !close_written_) {
+      } else if (buffer_.all_written() && close_wanted_ && !close_written_) {
         close_written_ = close_ever_written_ = true;
         v1::IngestRequest close;
         close.mutable_close();
@@ -425,13 +366,11 @@ class IngestClient::Impl {
   static std::int64_t CreditOf(std::uint64_t credit_bytes) {
     return static_cast<std::int64_t>(std::min<std::uint64_t>(credit_bytes, kCreditMax));
   }
-  std::uint64_t OldestScanLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    for (const Pending& pending : pending_)
-      if (pending.is_scan) return pending.seq;
-    return sent_seq_ + 1;
-  }
-  std::uint64_t WrittenSeqLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return num_written_ == 0 ? fused_seq_ : pending_[num_written_ - 1].seq;
+  /// Other than that of any process before, or of another robot's.
+  static std::uint64_t RandomOpener() {
+    std::random_device device;
+    const std::uint64_t high = device();
+    return high << 32 | device();
   }
 
   // Constant after construction.
@@ -447,10 +386,7 @@ class IngestClient::Impl {
   CondVar changed_;  // anything below
 
   // What the user wants.
-  std::deque<Pending> pending_ ABSL_GUARDED_BY(mutex_);  // sent, not yet fused
-  std::size_t num_written_ ABSL_GUARDED_BY(mutex_) = 0;  // of pending_, on this stream
-  std::uint64_t pending_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::uint64_t sent_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  SendBuffer buffer_ ABSL_GUARDED_BY(mutex_);
   bool close_wanted_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
 
@@ -466,7 +402,7 @@ class IngestClient::Impl {
   // What the server said.
   bool opened_once_ ABSL_GUARDED_BY(mutex_) = false;
   std::uint64_t accepted_seq_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::uint64_t fused_seq_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t epoch_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t num_problems_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t num_reconnects_ ABSL_GUARDED_BY(mutex_) = 0;
   Clock::time_point progress_time_ ABSL_GUARDED_BY(mutex_) = {};

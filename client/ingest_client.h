@@ -119,7 +119,7 @@ struct SessionOpened {
 };
 
 struct IngestProgress {
-  std::uint64_t sent_seq = 0;   ///< newest scan given to Send()
+  std::uint64_t sent_seq = 0;   ///< newest scan that was written to a stream
   std::uint64_t fused_seq = 0;  ///< all up to here are fused or refused
   std::uint64_t num_problems = 0;
   std::uint64_t num_reconnects = 0;

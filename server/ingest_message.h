@@ -36,6 +36,14 @@ struct IngestProblem {
   std::uint64_t seq = 0;
   wire::ProblemReason reason = wire::ProblemReason::kMalformed;
   std::string text;
+  std::uint64_t expected_seq = 0;  ///< what seq should have been, if that is the problem
+};
+
+/// Which opening of a session a stream is. One of the same process that was made earlier, but comes
+/// later, has no say.
+struct IngestOpening {
+  std::uint64_t opener = 0;  ///< the process; 0: not said
+  std::uint32_t attempt = 0;
 };
 
 /// What a stream has to tell its robot since it last did.

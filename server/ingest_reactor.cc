@@ -26,6 +26,7 @@ void AckToProto(const IngestProgress& progress, v1::IngestAck* ack) {
     proto->set_seq(problem.seq);
     proto->set_reason(static_cast<v1::ProblemReason>(problem.reason));
     proto->set_message(problem.text);
+    proto->set_expected_seq(problem.expected_seq);
   }
 }
 
@@ -114,19 +115,21 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::Open(const v1::OpenSe
   }
   const absl::StatusOr<wire::SessionSetup> setup = wire::FromProto(open, wire::FieldPath("open"));
   if (!setup.ok()) return setup.status();
-  absl::StatusOr<std::shared_ptr<IngestSink>> previous = OpenSession(*setup);
+  const IngestOpening opening{open.opener(), open.attempt()};
+  absl::StatusOr<std::shared_ptr<IngestSink>> previous = OpenSession(*setup, opening);
   // In this order: a session that is ending never goes on again.
   if (open.closing() && absl::IsFailedPrecondition(previous.status()))
-    return AwaitEnd(*setup, previous.status());
+    return AwaitEnd(*setup, opening, previous.status());
   return previous;
 }
 
 absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::OpenSession(
-    const wire::SessionSetup& setup) {
+    const wire::SessionSetup& setup, IngestOpening opening) {
   absl::StatusOr<std::shared_ptr<SessionActor>> session = registry_.OpenSession(setup);
   if (!session.ok()) return session.status();
   absl::StatusOr<SessionMailbox::Attached> attached =
-      (*session)->mailbox().Attach(shared_from_this());
+      (*session)->mailbox().Attach(shared_from_this(), opening);
+  if (absl::IsAborted(attached.status())) return attached.status();
   if (!attached.ok())
     return wire::WithField(
         absl::FailedPreconditionError(
@@ -139,6 +142,7 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::OpenSession(
   opened.set_cell_size_m((*session)->config().local_map.cell_size_m);
   opened.set_local_map_side_m(static_cast<float>(SideCells((*session)->config().local_map)) *
                               (*session)->config().local_map.cell_size_m);
+  opened.set_epoch((*session)->map()->snapshot()->version.epoch);
   MutexLock lock(mutex_);
   session_ = *std::move(session);
   opened_ = std::move(opened);
@@ -146,6 +150,7 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::OpenSession(
 }
 
 absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::AwaitEnd(const wire::SessionSetup& setup,
+                                                                    IngestOpening opening,
                                                                     const absl::Status& refused) {
   const std::shared_ptr<SessionActor> session = registry_.FindSession(setup);
   if (session == nullptr) return refused;
@@ -155,7 +160,8 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::AwaitEnd(const wire::
     session_ = session;
     closing_ = true;
   }
-  SessionMailbox::EndOutlook outlook = session->mailbox().AttachForEnd(shared_from_this());
+  GEM_ASSIGN_OR_RETURN(SessionMailbox::EndOutlook outlook,
+                       session->mailbox().AttachForEnd(shared_from_this(), opening));
   if (!outlook.ending) return refused;
   if (outlook.end.has_value()) OnEnded(*outlook.end);
   return std::move(outlook.previous);
@@ -191,7 +197,7 @@ void IngestReactor::TakeMessageLocked() {
 void IngestReactor::EnqueueLocked(IngestMessage message) {
   // Without room the stream is not read: OnProgress() reads on. The robot notices by its credit, or
   // by TCP.
-  if (session_->mailbox().Enqueue(this, std::move(message))) ReadOnLocked();
+  if (session_->Enqueue(this, std::move(message))) ReadOnLocked();
 }
 
 void IngestReactor::ReadOnLocked() {

@@ -63,9 +63,11 @@ class IngestReactor final : public grpc::ServerBidiReactor<v1::IngestRequest, v1
  private:
   // These return the stream that was taken over, if any.
   absl::StatusOr<std::shared_ptr<IngestSink>> Open(const v1::OpenSession& open);
-  absl::StatusOr<std::shared_ptr<IngestSink>> OpenSession(const wire::SessionSetup& setup);
+  absl::StatusOr<std::shared_ptr<IngestSink>> OpenSession(const wire::SessionSetup& setup,
+                                                          IngestOpening opening);
   /// For a robot that comes back to hear the answer to its close; `refused` if there is none.
   absl::StatusOr<std::shared_ptr<IngestSink>> AwaitEnd(const wire::SessionSetup& setup,
+                                                       IngestOpening opening,
                                                        const absl::Status& refused);
   void TakeMessageLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void EnqueueLocked(IngestMessage message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

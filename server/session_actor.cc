@@ -100,12 +100,26 @@ void SessionActor::TakePoses(SessionMapper& mapper, const std::vector<IngestMess
   if (!batches.empty()) TellStream();
 }
 
+bool SessionActor::Enqueue(const IngestSink* sink, IngestMessage message) {
+  const SessionMailbox::Enqueued enqueued = mailbox_->Enqueue(sink, std::move(message));
+  switch (enqueued.verdict) {
+    case SessionMailbox::Verdict::kDuplicate:
+      metrics_.CountDuplicateScan();
+      break;
+    case SessionMailbox::Verdict::kOutOfLine:
+      metrics_.CountRefusedScan(wire::ProblemReason::kOutOfOrder);
+      num_refused_.fetch_add(1, std::memory_order_relaxed);
+      break;
+    case SessionMailbox::Verdict::kTaken:
+    case SessionMailbox::Verdict::kStranger:
+      break;
+  }
+  return enqueued.may_read_on;
+}
+
 void SessionActor::TakeScan(SessionMapper& mapper, IngestMessage message) {
   InLine scan;
-  const auto intake = mapper.Take(*message.scan, message.seq, scan.held);
-  scan.status = intake.status();
-  scan.is_duplicate = intake.ok() && *intake == SessionMapper::Intake::kDuplicate;
-  scan.last_seq = mapper.last_seq();
+  scan.status = mapper.Take(*message.scan, scan.held);
   scan.size_bytes = std::max(scan.held.size_bytes(), message.size_bytes);
   scan.since = Clock::now();
   message.scan = nullptr;
@@ -122,9 +136,7 @@ void SessionActor::ServeLine(SessionMapper& mapper, bool ending) {
 bool SessionActor::ServeFront(SessionMapper& mapper, bool ending) {
   InLine& front = line_.front();
   absl::Status status = front.status;
-  if (front.is_duplicate) {
-    metrics_.CountDuplicateScan();
-  } else if (status.ok()) {
+  if (status.ok()) {
     const auto readiness = mapper.Prepare(front.held, WhyGiveUp(ending));
     if (readiness.ok() && *readiness == SessionMapper::Readiness::kWaits) return false;
     status = readiness.status();
@@ -163,7 +175,7 @@ void SessionActor::FinishFront(SessionMapper& mapper, const absl::Status& status
     metrics_.CountRefusedScan(problem->reason);
     num_refused_.fetch_add(1, std::memory_order_relaxed);
   }
-  mailbox_->FinishScan(front.message, front.last_seq, problem);
+  mailbox_->FinishScan(front.message, problem);
   mapper.Recycle(std::move(front.held));
   TellStream();
 }

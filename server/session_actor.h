@@ -39,6 +39,8 @@ class SessionActor {
   const SessionConfig& config() const { return config_; }
   const std::shared_ptr<MapActor>& map() const { return map_; }
   SessionMailbox& mailbox() { return *mailbox_; }
+  /// mailbox().Enqueue() with its refusals counted; false: do not read on before OnProgress().
+  bool Enqueue(const IngestSink* sink, IngestMessage message);
   const SessionMailbox& mailbox() const { return *mailbox_; }
 
   /// The newest local map; null before the first scan. Stays when the session ends.
@@ -93,9 +95,7 @@ class SessionActor {
   struct InLine {
     IngestMessage message;         ///< decoded: its scan is gone
     absl::Status status;           ///< why it is refused, if that is known already
-    bool is_duplicate = false;     ///< nothing is to be done
-    SessionMapper::HeldScan held;  ///< if it is neither
-    std::uint64_t last_seq = 0;    ///< newest sequence number that is used up with it
+    SessionMapper::HeldScan held;  ///< if it is not
     std::uint64_t size_bytes = 0;  ///< what it occupies, or counts for in the mailbox
     Clock::time_point since;
   };

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 
 namespace gem {
 namespace {
@@ -13,9 +14,11 @@ constexpr std::size_t kProblemsListed_max = 32;
 
 }  // namespace
 
-absl::StatusOr<SessionMailbox::Attached> SessionMailbox::Attach(std::shared_ptr<IngestSink> sink) {
+absl::StatusOr<SessionMailbox::Attached> SessionMailbox::Attach(std::shared_ptr<IngestSink> sink,
+                                                                IngestOpening opening) {
   MutexLock lock(mutex_);
   if (door_closed_ || end_requested_ || stopped_) return absl::FailedPreconditionError("has ended");
+  GEM_RETURN_IF_ERROR(TakeOverLocked(opening));
   Attached attached;
   attached.previous = std::exchange(sink_, std::move(sink));
   attached.resume_after_seq = accepted_seq_;
@@ -25,12 +28,25 @@ absl::StatusOr<SessionMailbox::Attached> SessionMailbox::Attach(std::shared_ptr<
   return attached;
 }
 
-SessionMailbox::EndOutlook SessionMailbox::AttachForEnd(std::shared_ptr<IngestSink> sink) {
+absl::Status SessionMailbox::TakeOverLocked(IngestOpening opening) {
+  if (opening.opener != 0 && opening.opener == opening_.opener &&
+      opening.attempt <= opening_.attempt)
+    return absl::AbortedError(absl::StrCat("open.attempt is ", opening.attempt, ", want more than ",
+                                           opening_.attempt,
+                                           ": another stream has resumed the session"));
+  opening_ = opening;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SessionMailbox::EndOutlook> SessionMailbox::AttachForEnd(
+    std::shared_ptr<IngestSink> sink, IngestOpening opening) {
   MutexLock lock(mutex_);
   EndOutlook outlook;
   outlook.ending = end_.has_value() || door_closed_ || end_requested_;
   outlook.end = end_;
-  if (outlook.ending && !end_.has_value()) outlook.previous = std::exchange(sink_, std::move(sink));
+  if (!outlook.ending || end_.has_value()) return outlook;
+  GEM_RETURN_IF_ERROR(TakeOverLocked(opening));
+  outlook.previous = std::exchange(sink_, std::move(sink));
   return outlook;
 }
 
@@ -55,18 +71,39 @@ void SessionMailbox::Detach(const IngestSink* sink) {
   changed_.NotifyOne();
 }
 
-bool SessionMailbox::Enqueue(const IngestSink* sink, IngestMessage message) {
+SessionMailbox::Enqueued SessionMailbox::Enqueue(const IngestSink* sink, IngestMessage message) {
   MutexLock lock(mutex_);
-  if (sink_.get() != sink || stopped_) return true;
+  if (sink_.get() != sink || stopped_) return {Verdict::kStranger, true};
+  idle_since_ = Clock::now();
+  const Verdict verdict = JudgeLocked(message);
+  if (verdict == Verdict::kTaken) {
+    queue_bytes_ += message.size_bytes;
+    unreturned_credit_bytes_ += message.credit_bytes;
+    (message.scan != nullptr ? scans_ : poses_).push_back(std::move(message));
+    changed_.NotifyOne();
+  } else {
+    progress_.credit_bytes += message.credit_bytes;
+    progress_.news = true;
+  }
+  return {verdict, HasRoomLocked()};
+}
+
+SessionMailbox::Verdict SessionMailbox::JudgeLocked(const IngestMessage& message) {
+  if (message.scan == nullptr) return Verdict::kTaken;
+  const std::uint64_t expected_seq = accepted_seq_ + 1;
   // The session's thread consumes every scan that is next in line, refused or not, so that what is
   // accepted is known before the scan is looked at.
-  if (message.scan != nullptr && message.seq == accepted_seq_ + 1) ++accepted_seq_;
-  queue_bytes_ += message.size_bytes;
-  unreturned_credit_bytes_ += message.credit_bytes;
-  idle_since_ = Clock::now();
-  (message.scan != nullptr ? scans_ : poses_).push_back(std::move(message));
-  changed_.NotifyOne();
-  return HasRoomLocked();
+  if (message.seq == expected_seq) {
+    accepted_seq_ = message.seq;
+    return Verdict::kTaken;
+  }
+  // A resumed stream repeats what it does not know to have arrived.
+  if (message.seq != 0 && message.seq < expected_seq) return Verdict::kDuplicate;
+  AddProblemLocked({message.seq, wire::ProblemReason::kOutOfOrder,
+                    absl::StrCat("scan.seq is ", message.seq, ", want ", expected_seq,
+                                 ", the one after the last"),
+                    expected_seq});
+  return Verdict::kOutOfLine;
 }
 
 bool SessionMailbox::HasRoom() const {
@@ -103,8 +140,13 @@ IngestProgress SessionMailbox::TakeProgress(const IngestSink* sink) {
   if (sink_.get() != sink) return {};
   IngestProgress progress = std::exchange(progress_, {});
   progress.accepted_seq = accepted_seq_;
-  progress.fused_seq = fused_seq_;
+  progress.fused_seq = FusedSeqLocked();
   return progress;
+}
+
+std::uint64_t SessionMailbox::FusedSeqLocked() const {
+  if (!in_hand_.empty()) return in_hand_.front().seq - 1;
+  return scans_.empty() ? accepted_seq_ : scans_.front().seq - 1;
 }
 
 bool SessionMailbox::idle() const {
@@ -125,17 +167,16 @@ SessionMailbox::Work SessionMailbox::Wait(Clock::time_point deadline) {
   if (!scans_.empty()) {
     work.scan = std::move(scans_.front());
     scans_.pop_front();
-    in_hand_.push_back(work.scan->arrived);
+    in_hand_.push_back({work.scan->arrived, work.scan->seq});
     in_hand_bytes_ += work.scan->size_bytes;
   }
   work.end_requested = end_requested_ && !work.scan.has_value();
   return work;
 }
 
-void SessionMailbox::FinishScan(const IngestMessage& scan, std::uint64_t fused_seq,
+void SessionMailbox::FinishScan(const IngestMessage& scan,
                                 const std::optional<IngestProblem>& problem) {
   MutexLock lock(mutex_);
-  fused_seq_ = fused_seq;
   in_hand_.pop_front();
   in_hand_bytes_ -= scan.size_bytes;
   progress_.credit_bytes += scan.credit_bytes;
@@ -194,9 +235,9 @@ std::shared_ptr<IngestSink> SessionMailbox::sink() const {
 
 SessionMailbox::Load SessionMailbox::load() const {
   MutexLock lock(mutex_);
-  Load load{queue_bytes_, std::nullopt, fused_seq_, sink_ != nullptr};
+  Load load{queue_bytes_, std::nullopt, FusedSeqLocked(), sink_ != nullptr};
   if (!in_hand_.empty()) {
-    load.oldest = in_hand_.front();
+    load.oldest = in_hand_.front().arrived;
   } else if (!scans_.empty()) {
     load.oldest = scans_.front().arrived;
   }

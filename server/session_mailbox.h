@@ -27,13 +27,24 @@ class SessionMailbox {
     std::uint64_t credit_bytes = 0;
     std::shared_ptr<IngestSink> previous;  ///< to be told that it was taken over
   };
-  /// Makes `sink` the session's stream. FAILED_PRECONDITION once the session is ending.
-  absl::StatusOr<Attached> Attach(std::shared_ptr<IngestSink> sink);
+  /// Makes `sink` the session's stream. FAILED_PRECONDITION once the session is ending, ABORTED for
+  /// an opening that a later one of the same process has overtaken.
+  absl::StatusOr<Attached> Attach(std::shared_ptr<IngestSink> sink, IngestOpening opening = {});
   /// Does nothing if another sink is attached.
   void Detach(const IngestSink* sink);
-  /// Takes the message in; false: do not read on before OnProgress(). What a sink sends that is not
-  /// attached is dropped.
-  bool Enqueue(const IngestSink* sink, IngestMessage message);
+  enum class Verdict : std::uint8_t {
+    kTaken,
+    kDuplicate,  ///< of a scan that was accepted; acknowledged again, and gone
+    kOutOfLine,  ///< not the next scan: refused, and gone
+    kStranger,   ///< the sink is not attached: gone
+  };
+  struct Enqueued {
+    Verdict verdict = Verdict::kTaken;
+    bool may_read_on = true;  ///< false: not before OnProgress()
+  };
+  /// Judges the order of the message and takes it in. What is not taken in is gone and waits for
+  /// nothing; TakeProgress() has the news.
+  Enqueued Enqueue(const IngestSink* sink, IngestMessage message);
   bool HasRoom() const;
   bool HasScans() const;
   /// The session ends when what waits is done.
@@ -48,7 +59,9 @@ class SessionMailbox {
     std::optional<absl::StatusOr<SessionEnd>> end;  ///< unset: OnEnded() will tell
     std::shared_ptr<IngestSink> previous;           ///< to be told that it was taken over
   };
-  EndOutlook AttachForEnd(std::shared_ptr<IngestSink> sink);
+  /// ABORTED as Attach().
+  absl::StatusOr<EndOutlook> AttachForEnd(std::shared_ptr<IngestSink> sink,
+                                          IngestOpening opening = {});
   /// Nothing waits and nothing is in hand.
   bool idle() const;
 
@@ -62,9 +75,8 @@ class SessionMailbox {
   /// Waits for work until the deadline, or until the stream leaves. Several scans may be in hand:
   /// they wait for poses. Half of the queue is kept free of them, so that poses can come.
   Work Wait(Clock::time_point deadline);
-  /// The oldest scan in hand is done: fused, a duplicate (both without problem) or refused.
-  void FinishScan(const IngestMessage& scan, std::uint64_t fused_seq,
-                  const std::optional<IngestProblem>& problem);
+  /// The oldest scan in hand is done: fused (without problem) or refused.
+  void FinishScan(const IngestMessage& scan, const std::optional<IngestProblem>& problem);
   /// A batch of poses is done.
   void FinishPoses(const IngestMessage& poses, const std::optional<IngestProblem>& problem);
   /// No stream may attach any more. False, and nothing is closed, if `only_if_alone` and a stream
@@ -90,6 +102,14 @@ class SessionMailbox {
   Load load() const;
 
  private:
+  struct InHand {
+    Clock::time_point arrived;
+    std::uint64_t seq = 0;
+  };
+  absl::Status TakeOverLocked(IngestOpening opening) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Every accepted scan is in hand, waits, or is done, in this order.
+  std::uint64_t FusedSeqLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Verdict JudgeLocked(const IngestMessage& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool HasRoomLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ReleaseLocked(const IngestMessage& message, const std::optional<IngestProblem>& problem)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -101,14 +121,14 @@ class SessionMailbox {
   mutable Mutex mutex_;
   CondVar changed_;
   std::shared_ptr<IngestSink> sink_ ABSL_GUARDED_BY(mutex_);
+  IngestOpening opening_ ABSL_GUARDED_BY(mutex_);  ///< of the newest sink
   std::deque<IngestMessage> scans_ ABSL_GUARDED_BY(mutex_);
   std::deque<IngestMessage> poses_ ABSL_GUARDED_BY(mutex_);
-  std::deque<Clock::time_point> in_hand_ ABSL_GUARDED_BY(mutex_);  ///< arrivals, oldest first
-  std::uint64_t in_hand_bytes_ ABSL_GUARDED_BY(mutex_) = 0;        ///< part of queue_bytes_
+  std::deque<InHand> in_hand_ ABSL_GUARDED_BY(mutex_);       ///< oldest first
+  std::uint64_t in_hand_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  ///< part of queue_bytes_
   std::uint64_t queue_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t unreturned_credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t accepted_seq_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::uint64_t fused_seq_ ABSL_GUARDED_BY(mutex_) = 0;
   IngestProgress progress_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point idle_since_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   bool end_requested_ ABSL_GUARDED_BY(mutex_) = false;

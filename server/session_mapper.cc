@@ -67,21 +67,8 @@ bool SessionMapper::Knows(std::int64_t stamp_ns) const {
   return found != poses.end() && found->stamp_ns == stamp_ns;
 }
 
-absl::Status SessionMapper::CheckOrder(std::uint64_t seq) const {
-  if (seq == last_seq_ + 1) return absl::OkStatus();
-  const FieldPath scan("scan");
-  return wire::Refuse(scan.Child("seq"), absl::StrCat(seq),
-                      absl::StrCat(last_seq_ + 1, ", the one after the last"),
-                      ProblemReason::kOutOfOrder);
-}
-
-absl::StatusOr<SessionMapper::Intake> SessionMapper::Take(const v1::Scan& proto, std::uint64_t seq,
-                                                          HeldScan& held) {
+absl::Status SessionMapper::Take(const v1::Scan& proto, HeldScan& held) {
   held.scan = std::move(spare_);
-  // A resumed stream repeats what it does not know to have arrived.
-  if (seq != 0 && seq <= last_seq_) return Intake::kDuplicate;
-  GEM_RETURN_IF_ERROR(CheckOrder(seq));
-  last_seq_ = seq;
   const FieldPath field("scan");
   GEM_RETURN_IF_ERROR(wire::FromProto(proto, config_.scan_limits, field, held.scan));
   const auto sensor =
@@ -92,7 +79,7 @@ absl::StatusOr<SessionMapper::Intake> SessionMapper::Take(const v1::Scan& proto,
                         "a sensor that the session declared", ProblemReason::kUnknownSensor);
   held.sensor = &*sensor;
   held.span = SpanOf(held.scan.stamp_ns, held.scan.time_offsets_s);
-  return Intake::kTaken;
+  return absl::OkStatus();
 }
 
 absl::StatusOr<SessionMapper::Readiness> SessionMapper::Prepare(HeldScan& held,

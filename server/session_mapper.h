@@ -1,4 +1,4 @@
-// What a session does with its robot's messages: decodes, judges, orders, finds the poses, deskews,
+// What a session does with its robot's messages: decodes, judges, finds the poses, deskews,
 // fuses, and collects submaps. Single-threaded; the session's thread owns it. Knows no queue and no
 // stream.
 #pragma once
@@ -63,11 +63,9 @@ class SessionMapper {
     }
   };
 
-  enum class Intake { kTaken, kDuplicate };
-  /// Judges all of the scan but its stamp. A refusal names the field and carries a ProblemReason;
-  /// like a scan that is taken it uses up its sequence number, unless that is out of line. Call
-  /// Recycle(held) when done with it, whatever became of it.
-  absl::StatusOr<Intake> Take(const v1::Scan& scan, std::uint64_t seq, HeldScan& held);
+  /// Judges all of the scan but its order. A refusal names the field and carries a ProblemReason.
+  /// Call Recycle(held) when done with it, whatever became of it.
+  absl::Status Take(const v1::Scan& scan, HeldScan& held);
 
   enum class Readiness { kReady, kWaits };
   /// Looks for the poses of a scan all of whose predecessors are done. It waits if streamed poses
@@ -79,8 +77,6 @@ class SessionMapper {
   /// Keeps the buffers for the next scan.
   void Recycle(HeldScan&& held) { spare_ = std::move(held.scan); }
 
-  /// Last sequence number that was used up.
-  std::uint64_t last_seq() const { return last_seq_; }
   bool fused_any() const { return fused_any_; }
   bool has_finished_submaps() const { return !update_.finished.empty(); }
 
@@ -92,7 +88,6 @@ class SessionMapper {
   SessionUpdate End();
 
  private:
-  absl::Status CheckOrder(std::uint64_t seq) const;
   /// True if a pose with the stamp was added, as far as is remembered.
   bool Knows(std::int64_t stamp_ns) const;
   absl::Status RefuseForPose(const HeldScan& held, absl::string_view gave_up) const;
@@ -108,7 +103,6 @@ class SessionMapper {
   wire::DecodedScan spare_;          ///< buffers for the next scan
   std::vector<EvictedCell> evicted_;
   SessionUpdate update_;
-  std::uint64_t last_seq_ = 0;
   std::optional<std::int64_t> last_stamp_ns_;     ///< of the newest fused scan
   std::optional<std::int64_t> last_odometry_ns_;  ///< newest that was put into an update
   bool fused_any_ = false;

@@ -232,7 +232,51 @@ TEST_F(IngestClientTest, SaysSoWhenTheServerForgotTheSession) {
   const absl::Status status = (*client)->Close().status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_THAT(std::string(status.message()),
-              HasSubstr("it wants scan 1, the oldest that is kept is 2"));
+              HasSubstr("the server forgot the session: it wants scan 1, the oldest that is kept "
+                        "is 2; open a new session"));
+}
+
+TEST_F(IngestClientTest, SaysSoWhenTheServerWasRestarted) {
+  server_.ingest.on_ingest = [&](int number, ServerStream& stream) -> grpc::Status {
+    v1::IngestRequest request;
+    EXPECT_TRUE(stream.Read(&request));
+    v1::IngestResponse response;
+    response.mutable_opened()->set_epoch(static_cast<std::uint64_t>(number));
+    response.mutable_opened()->set_credit_bytes(1 << 20);
+    response.mutable_opened()->set_scan_bytes_max(1 << 20);
+    stream.Write(response);
+    if (number == 1) {
+      ReadScan(stream);
+      Acknowledge(stream, 1, 1);
+      return {grpc::StatusCode::UNAVAILABLE, "restarted"};
+    }
+    stream.Read(&request);
+    return grpc::Status::OK;
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  ASSERT_TRUE(Send(**client, 1).ok());
+  const absl::Status status = (*client)->Close().status();
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr("the server was restarted and what it had fused is lost"));
+}
+
+TEST_F(IngestClientTest, SaysWhichOpeningOfTheSessionItIs) {
+  std::vector<v1::OpenSession> opens;
+  server_.ingest.on_ingest = [&](int number, ServerStream& stream) -> grpc::Status {
+    opens.push_back(AnswerOpen(stream, 0));
+    if (number == 2) return AnswerClose(stream, 1);
+    return {grpc::StatusCode::UNAVAILABLE, "cable cut"};
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  ASSERT_TRUE((*client)->Close().ok());
+  ASSERT_EQ(opens.size(), 2u);
+  EXPECT_NE(opens[0].opener(), 0u);
+  EXPECT_EQ(opens[0].opener(), opens[1].opener());
+  EXPECT_EQ(opens[0].attempt(), 1u);
+  EXPECT_EQ(opens[1].attempt(), 2u);
 }
 
 TEST_F(IngestClientTest, GoesOnWithASessionOfAnEarlierProcess) {

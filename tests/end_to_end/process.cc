@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
@@ -86,8 +87,9 @@ Finished Gem(std::vector<std::string> arguments, int timeout_s) {
 }
 
 ServerProcess::ServerProcess(std::vector<std::string> arguments) {
-  std::vector<std::string> argv = {GEM_SERVER_BINARY, "--listen", "127.0.0.1:0", "--metrics_listen",
-                                   "127.0.0.1:0"};
+  std::vector<std::string> argv = {GEM_SERVER_BINARY, "--metrics_listen", "127.0.0.1:0"};
+  if (std::find(arguments.begin(), arguments.end(), "--listen") == arguments.end())
+    argv.insert(argv.end(), {"--listen", "127.0.0.1:0"});
   argv.insert(argv.end(), arguments.begin(), arguments.end());
   pid_ = Spawn(argv, stdout_);
   static const std::regex kReady(R"(gem_server ready grpc=(\S+) metrics=(\S+)\n)");

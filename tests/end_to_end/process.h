@@ -21,7 +21,8 @@ Finished RunProgram(const std::vector<std::string>& argv, int timeout_s = 600);
 /// `gem` with these arguments.
 Finished Gem(std::vector<std::string> arguments, int timeout_s = 600);
 
-/// A gem_server on free ports; stopped with SIGTERM at the latest when it goes out of scope.
+/// A gem_server on free ports, unless --listen is given; stopped with SIGTERM at the latest when it
+/// goes out of scope.
 class ServerProcess {
  public:
   explicit ServerProcess(std::vector<std::string> arguments = {});

@@ -257,6 +257,7 @@ TEST(Ingest, AVanishedRobotResumesWhereItWas) {
   }
   TestStream robot(server.ingest(), TestOpen("r1", "s1"));
   EXPECT_EQ(robot.opened().resume_after_seq(), 3u);
+  EXPECT_EQ(robot.opened().epoch(), FetchMap(server, "site").version.epoch);
   EXPECT_EQ(robot.opened().credit_bytes(), 64u << 20);
   ASSERT_TRUE(robot.Send(FlatScan(4, 0)));
   ASSERT_TRUE(robot.ReadUntilFused(4));
@@ -288,6 +289,39 @@ TEST(Ingest, ASecondStreamTakesTheSessionOver) {
   EXPECT_EQ(status.error_message(), "another stream has resumed the session");
   ASSERT_TRUE(second.Send(FlatScan(2, 0)));
   ASSERT_TRUE(second.ReadUntilFused(2));
+}
+
+TEST(Ingest, WhatAStreamSaysAfterItWasTakenOverIsIgnored) {
+  // A half-dead connection: the robot has come back on another one, and only then arrives what the
+  // first one carried.
+  TestServer server;
+  TestStream first(server.ingest(), TestOpen("r1", "s1"));
+  ASSERT_TRUE(first.Send(FlatScan(1, 0)));
+  ASSERT_TRUE(first.ReadUntilFused(1));
+  TestStream second(server.ingest(), TestOpen("r1", "s1"));
+  for (std::uint64_t seq = 2; seq <= 5; ++seq) first.Send(FlatScan(seq, 100));
+  EXPECT_EQ(first.Finish().error_code(), grpc::StatusCode::ABORTED);
+  for (std::uint64_t seq = 2; seq <= 3; ++seq) ASSERT_TRUE(second.Send(FlatScan(seq, 0)));
+  ASSERT_TRUE(second.ReadUntilFused(3));
+  EXPECT_THAT(second.problems(), testing::IsEmpty());
+  EXPECT_EQ(second.credit_bytes(), 2u * 12'288u);
+  EXPECT_EQ(server.Metric("gem_scans_total{reason=\"\",result=\"fused\"}"), 3);
+  EXPECT_EQ(FetchLocalMap(server, "r1").T_O_B.translation().x(), 0);
+}
+
+TEST(Ingest, AnOpeningThatWasOvertakenOnItsWayIsRefused) {
+  TestServer server;
+  v1::OpenSession open = TestOpen("r1", "s1");
+  open.set_opener(7);
+  open.set_attempt(2);
+  TestStream stream(server.ingest(), open);
+  open.set_attempt(1);
+  const grpc::Status status = TestStream(server.ingest(), open).Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::ABORTED);
+  EXPECT_EQ(status.error_message(),
+            "open.attempt is 1, want more than 2: another stream has resumed the session");
+  ASSERT_TRUE(stream.Send(FlatScan(1, 0)));
+  ASSERT_TRUE(stream.ReadUntilFused(1));
 }
 
 TEST(Ingest, ASessionWithoutAStreamEndsByItself) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
+
 namespace gem {
 namespace {
 
@@ -35,15 +37,15 @@ class SessionMailboxTest : public testing::Test {
 };
 
 TEST_F(SessionMailboxTest, StopsReadingWhenTheBytesReachTheLimit) {
-  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), ScanOf(1, 489)));   // 499 bytes wait
-  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), ScanOf(2, 490)));   // 999
-  EXPECT_FALSE(mailbox_.Enqueue(sink_.get(), ScanOf(3, 100)));  // 1109
+  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), ScanOf(1, 489)).may_read_on);   // 499 bytes wait
+  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), ScanOf(2, 490)).may_read_on);   // 999
+  EXPECT_FALSE(mailbox_.Enqueue(sink_.get(), ScanOf(3, 100)).may_read_on);  // 1109
   EXPECT_FALSE(mailbox_.HasRoom());
   EXPECT_EQ(mailbox_.load().queue_bytes, 1109u);
   // A scan in hand still counts; one that is done does not.
   const SessionMailbox::Work work = mailbox_.Wait(Now());
   EXPECT_FALSE(mailbox_.HasRoom());
-  mailbox_.FinishScan(*work.scan, 1, std::nullopt);
+  mailbox_.FinishScan(*work.scan, std::nullopt);
   EXPECT_TRUE(mailbox_.HasRoom());
   EXPECT_EQ(mailbox_.load().queue_bytes, 610u);
 }
@@ -53,7 +55,7 @@ TEST_F(SessionMailboxTest, PaysBackTheCreditOfWhatIsDone) {
   mailbox_.Enqueue(sink_.get(), ScanOf(2, 200));
   EXPECT_FALSE(mailbox_.TakeProgress(sink_.get()).news);
   for (std::uint64_t seq = 1; seq <= 2; ++seq)
-    mailbox_.FinishScan(*mailbox_.Wait(Now()).scan, seq, std::nullopt);
+    mailbox_.FinishScan(*mailbox_.Wait(Now()).scan, std::nullopt);
   const IngestProgress progress = mailbox_.TakeProgress(sink_.get());
   EXPECT_TRUE(progress.news);
   EXPECT_EQ(progress.credit_bytes, 300u);
@@ -63,10 +65,39 @@ TEST_F(SessionMailboxTest, PaysBackTheCreditOfWhatIsDone) {
 }
 
 TEST_F(SessionMailboxTest, AcceptsOnlyWhatIsNextInLine) {
-  mailbox_.Enqueue(sink_.get(), ScanOf(1, 1));
-  mailbox_.Enqueue(sink_.get(), ScanOf(3, 1));  // a gap: it will be refused
-  mailbox_.Enqueue(sink_.get(), ScanOf(2, 1));
-  EXPECT_EQ(mailbox_.TakeProgress(sink_.get()).accepted_seq, 2u);
+  using Verdict = SessionMailbox::Verdict;
+  EXPECT_EQ(mailbox_.Enqueue(sink_.get(), ScanOf(1, 1)).verdict, Verdict::kTaken);
+  EXPECT_EQ(mailbox_.Enqueue(sink_.get(), ScanOf(3, 10)).verdict, Verdict::kOutOfLine);
+  EXPECT_EQ(mailbox_.Enqueue(sink_.get(), ScanOf(2, 1)).verdict, Verdict::kTaken);
+  EXPECT_EQ(mailbox_.Enqueue(sink_.get(), ScanOf(0, 100)).verdict, Verdict::kOutOfLine);
+  EXPECT_EQ(mailbox_.load().queue_bytes, 22u);  // what is refused at the door does not wait
+  const IngestProgress progress = mailbox_.TakeProgress(sink_.get());
+  EXPECT_TRUE(progress.news);
+  EXPECT_EQ(progress.accepted_seq, 2u);
+  EXPECT_EQ(progress.fused_seq, 0u);
+  EXPECT_EQ(progress.credit_bytes, 110u);
+  ASSERT_EQ(progress.problems.size(), 2u);
+  EXPECT_EQ(progress.problems[0].seq, 3u);
+  EXPECT_EQ(progress.problems[0].expected_seq, 2u);
+  EXPECT_EQ(progress.problems[0].text, "scan.seq is 3, want 2, the one after the last");
+  EXPECT_EQ(progress.problems[1].seq, 0u);
+  EXPECT_EQ(progress.problems[1].expected_seq, 3u);
+}
+
+TEST_F(SessionMailboxTest, AcknowledgesDuplicatesAgainWithoutAWord) {
+  for (std::uint64_t seq = 1; seq <= 3; ++seq) mailbox_.Enqueue(sink_.get(), ScanOf(seq, 1));
+  mailbox_.FinishScan(*mailbox_.Wait(Now()).scan, std::nullopt);
+  mailbox_.TakeProgress(sink_.get());
+  for (const std::uint64_t seq : {1, 2, 3})  // done, waiting, waiting
+    EXPECT_EQ(mailbox_.Enqueue(sink_.get(), ScanOf(seq, 10)).verdict,
+              SessionMailbox::Verdict::kDuplicate);
+  const IngestProgress progress = mailbox_.TakeProgress(sink_.get());
+  EXPECT_TRUE(progress.news);
+  EXPECT_EQ(progress.accepted_seq, 3u);
+  EXPECT_EQ(progress.fused_seq, 1u);
+  EXPECT_EQ(progress.credit_bytes, 30u);
+  EXPECT_TRUE(progress.problems.empty());
+  EXPECT_EQ(mailbox_.load().queue_bytes, 22u);
 }
 
 TEST_F(SessionMailboxTest, ANewStreamGetsTheCreditThatIsLeft) {
@@ -78,22 +109,133 @@ TEST_F(SessionMailboxTest, ANewStreamGetsTheCreditThatIsLeft) {
   EXPECT_EQ(attached->resume_after_seq, 2u);
   EXPECT_EQ(attached->credit_bytes, 750u);
   EXPECT_EQ(attached->previous, sink_);
-  // The old stream has no say any more.
-  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), ScanOf(3, 100)));
+  // The old stream has no say any more, and is not held up either.
+  const SessionMailbox::Enqueued late = mailbox_.Enqueue(sink_.get(), ScanOf(3, 100));
+  EXPECT_EQ(late.verdict, SessionMailbox::Verdict::kStranger);
+  EXPECT_TRUE(late.may_read_on);
   EXPECT_EQ(mailbox_.load().queue_bytes, 270u);
   mailbox_.Detach(sink_.get());
   EXPECT_TRUE(mailbox_.load().connected);
   // What the old stream sent is paid back to the new one.
-  mailbox_.FinishScan(*mailbox_.Wait(Now()).scan, 1, std::nullopt);
+  mailbox_.FinishScan(*mailbox_.Wait(Now()).scan, std::nullopt);
   EXPECT_EQ(mailbox_.TakeProgress(next.get()).credit_bytes, 100u);
+}
+
+TEST_F(SessionMailboxTest, ALateOpeningOfTheSameProcessHasNoSay) {
+  const auto early = std::make_shared<Sink>(), late = std::make_shared<Sink>();
+  ASSERT_TRUE(mailbox_.Attach(early, {7, 2}).ok());
+  EXPECT_TRUE(absl::IsAborted(mailbox_.Attach(late, {7, 1}).status()));
+  EXPECT_TRUE(absl::IsAborted(mailbox_.Attach(late, {7, 2}).status()));
+  EXPECT_EQ(mailbox_.sink(), early);
+  // Also when the stream has gone, and when the session is ending.
+  mailbox_.Detach(early.get());
+  EXPECT_TRUE(absl::IsAborted(mailbox_.Attach(late, {7, 1}).status()));
+  ASSERT_TRUE(mailbox_.Attach(early, {7, 3}).ok());
+  mailbox_.RequestEnd(early.get());
+  EXPECT_TRUE(absl::IsAborted(mailbox_.AttachForEnd(late, {7, 2}).status()));
+  EXPECT_EQ(mailbox_.sink(), early);
+  EXPECT_TRUE(mailbox_.AttachForEnd(late, {7, 4}).ok());
+  EXPECT_EQ(mailbox_.sink(), late);
+}
+
+TEST_F(SessionMailboxTest, AnotherProcessTakesOverWhateverItsCount) {
+  ASSERT_TRUE(mailbox_.Attach(sink_, {7, 9}).ok());
+  EXPECT_TRUE(mailbox_.Attach(std::make_shared<Sink>(), {8, 1}).ok());
+  EXPECT_TRUE(mailbox_.Attach(std::make_shared<Sink>()).ok());  // does not say
+  EXPECT_TRUE(mailbox_.Attach(std::make_shared<Sink>()).ok());
+}
+
+/// A robot that never sends beyond its credit, over streams that come and go.
+class CreditBook {
+ public:
+  explicit CreditBook(SessionMailbox& mailbox) : mailbox_(mailbox) { Reopen(); }
+
+  void Reopen() {
+    previous_ = std::exchange(sink_, std::make_shared<Sink>());
+    const auto attached = mailbox_.Attach(sink_);
+    ASSERT_TRUE(attached.ok());
+    credit_bytes_ = attached->credit_bytes;
+    next_seq_ = attached->resume_after_seq + 1;
+  }
+  void Vanish() { mailbox_.Detach(sink_.get()); }
+  void Send(std::uint64_t bytes) {
+    if (bytes > credit_bytes_) return;
+    credit_bytes_ -= bytes;
+    mailbox_.Enqueue(sink_.get(), ScanOf(next_seq_++, bytes));
+  }
+  void SendDuplicate(std::uint64_t bytes) {
+    if (bytes > credit_bytes_ || next_seq_ == 1) return;
+    credit_bytes_ -= bytes;
+    mailbox_.Enqueue(sink_.get(), ScanOf(next_seq_ - 1, bytes));
+  }
+  /// Of the stream before this one: ignored.
+  void SendLate(std::uint64_t bytes) {
+    if (previous_ != nullptr) mailbox_.Enqueue(previous_.get(), ScanOf(next_seq_, bytes));
+  }
+  void Read() { credit_bytes_ += mailbox_.TakeProgress(sink_.get()).credit_bytes; }
+  std::uint64_t credit_bytes() const { return credit_bytes_; }
+
+ private:
+  SessionMailbox& mailbox_;
+  std::shared_ptr<Sink> sink_, previous_;
+  std::uint64_t credit_bytes_ = 0;
+  std::uint64_t next_seq_ = 1;
+};
+
+TEST(SessionMailbox, NoCreditIsLostOrMadeOverHundredsOfTakeOvers) {
+  // What a robot may send and what of it still waits add up to the whole, always.
+  constexpr std::uint64_t kWhole_bytes = 1000;
+  SessionMailbox mailbox(kWhole_bytes);
+  CreditBook robot(mailbox);
+  std::deque<IngestMessage> in_hand;
+  std::uint64_t waiting_bytes = 0;
+  std::mt19937 random(1);
+  int num_take_overs = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const std::uint64_t before = robot.credit_bytes();
+    const std::uint64_t bytes = 1 + random() % 200;
+    switch (random() % 8) {
+      case 0:
+        robot.Reopen();
+        ++num_take_overs;
+        ASSERT_EQ(robot.credit_bytes() + waiting_bytes, kWhole_bytes) << i;
+        break;
+      case 1:
+        robot.Vanish();
+        robot.Reopen();
+        break;
+      case 2:
+        robot.SendDuplicate(bytes);
+        break;
+      case 3:
+        robot.SendLate(bytes);
+        break;
+      case 4:
+        if (SessionMailbox::Work work = mailbox.Wait(Now()); work.scan.has_value())
+          in_hand.push_back(*std::move(work.scan));
+        break;
+      case 5:
+        if (in_hand.empty()) break;
+        mailbox.FinishScan(in_hand.front(), std::nullopt);
+        waiting_bytes -= in_hand.front().credit_bytes;
+        in_hand.pop_front();
+        break;
+      default:
+        robot.Send(bytes);
+        waiting_bytes += before - robot.credit_bytes();
+        break;
+    }
+    robot.Read();
+    ASSERT_EQ(robot.credit_bytes() + waiting_bytes, kWhole_bytes) << i;
+  }
+  EXPECT_GT(num_take_overs, 2000);
 }
 
 TEST_F(SessionMailboxTest, ListsSomeProblemsAndCountsTheRest) {
   for (std::uint64_t seq = 1; seq <= 40; ++seq) {
     mailbox_.Enqueue(sink_.get(), ScanOf(seq, 1));
     const SessionMailbox::Work work = mailbox_.Wait(Now());
-    mailbox_.FinishScan(*work.scan, seq,
-                        IngestProblem{seq, wire::ProblemReason::kMalformed, "why"});
+    mailbox_.FinishScan(*work.scan, IngestProblem{seq, wire::ProblemReason::kMalformed, "why", 0});
   }
   const IngestProgress progress = mailbox_.TakeProgress(sink_.get());
   EXPECT_EQ(progress.problems.size(), 32u);
@@ -107,7 +249,7 @@ TEST_F(SessionMailboxTest, TheEndComesAfterEverythingThatWaits) {
   const SessionMailbox::Work first = mailbox_.Wait(Now());
   EXPECT_TRUE(first.scan.has_value());
   EXPECT_FALSE(first.end_requested);
-  mailbox_.FinishScan(*first.scan, 1, std::nullopt);
+  mailbox_.FinishScan(*first.scan, std::nullopt);
   EXPECT_TRUE(mailbox_.Wait(Now()).end_requested);
   EXPECT_FALSE(mailbox_.Attach(std::make_shared<Sink>()).ok());
 }
@@ -119,15 +261,15 @@ TEST_F(SessionMailboxTest, ScansInHandLeaveHalfOfTheQueueToPoses) {
   EXPECT_TRUE(mailbox_.HasRoom());
   IngestMessage poses;
   poses.size_bytes = 499;
-  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), poses));
-  EXPECT_FALSE(mailbox_.Enqueue(sink_.get(), poses));
+  EXPECT_TRUE(mailbox_.Enqueue(sink_.get(), poses).may_read_on);
+  EXPECT_FALSE(mailbox_.Enqueue(sink_.get(), poses).may_read_on);
   EXPECT_EQ(mailbox_.load().queue_bytes, 1998u);
   EXPECT_EQ(mailbox_.Wait(Now()).poses.size(), 2u);
   mailbox_.FinishPoses(poses, std::nullopt);
   EXPECT_TRUE(mailbox_.HasRoom());
   EXPECT_FALSE(mailbox_.idle());
   mailbox_.FinishPoses(poses, std::nullopt);
-  mailbox_.FinishScan(*work.scan, 1, std::nullopt);
+  mailbox_.FinishScan(*work.scan, std::nullopt);
   EXPECT_TRUE(mailbox_.idle());
   EXPECT_EQ(mailbox_.load().queue_bytes, 0u);
 }
@@ -138,26 +280,26 @@ TEST_F(SessionMailboxTest, SeveralScansMayBeInHand) {
   const SessionMailbox::Work first = mailbox_.Wait(Now());
   const SessionMailbox::Work second = mailbox_.Wait(Now());
   EXPECT_EQ(mailbox_.load().oldest, first.scan->arrived);
-  mailbox_.FinishScan(*first.scan, 1, std::nullopt);
+  mailbox_.FinishScan(*first.scan, std::nullopt);
   EXPECT_EQ(mailbox_.load().oldest, second.scan->arrived);
   mailbox_.Detach(sink_.get());
   EXPECT_FALSE(mailbox_.CloseDoor(/*only_if_alone=*/true));
-  mailbox_.FinishScan(*second.scan, 2, std::nullopt);
+  mailbox_.FinishScan(*second.scan, std::nullopt);
   EXPECT_EQ(mailbox_.load().oldest, std::nullopt);
   EXPECT_TRUE(mailbox_.CloseDoor(/*only_if_alone=*/true));
 }
 
 TEST_F(SessionMailboxTest, TellsTheEndToWhoeverComesBackForIt) {
   const auto late = std::make_shared<Sink>(), later = std::make_shared<Sink>();
-  EXPECT_FALSE(mailbox_.AttachForEnd(late).ending);
+  EXPECT_FALSE(mailbox_.AttachForEnd(late)->ending);
   EXPECT_EQ(mailbox_.sink(), sink_);
   mailbox_.RequestEnd(sink_.get());
-  const SessionMailbox::EndOutlook pending = mailbox_.AttachForEnd(late);
+  const SessionMailbox::EndOutlook pending = *mailbox_.AttachForEnd(late);
   EXPECT_TRUE(pending.ending);
   EXPECT_FALSE(pending.end.has_value());
   EXPECT_EQ(pending.previous, sink_);
   EXPECT_EQ(mailbox_.SetEnd(SessionEnd{{1, 2}, 3, 4, 5}), late);
-  const SessionMailbox::EndOutlook known = mailbox_.AttachForEnd(later);
+  const SessionMailbox::EndOutlook known = *mailbox_.AttachForEnd(later);
   EXPECT_TRUE(known.ending);
   ASSERT_TRUE(known.end.has_value());
   EXPECT_EQ((*known.end)->num_scans_fused, 3u);
