@@ -29,6 +29,9 @@ Gather::Gather(const Eigen::Matrix3d& R_A_F, const Eigen::Vector3d& t_A_F, doubl
   const double middle_m = 0.5 * (z_min_ + z_max_);
   middle_u_ = lean_u_ * middle_m;
   middle_v_ = lean_v_ * middle_m;
+  constexpr double kRounding_cells = 1e-6;
+  reach_u_ = 0.5 * (z_max_ - z_min_) * std::abs(lean_u_) + kRounding_cells;
+  reach_v_ = 0.5 * (z_max_ - z_min_) * std::abs(lean_v_) + kRounding_cells;
   constexpr double kNothing_cells = 1e-9;
   leans_ = (z_max_ - z_min_) * std::max(std::abs(lean_u_), std::abs(lean_v_)) > kNothing_cells;
 }

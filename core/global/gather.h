@@ -37,8 +37,10 @@ class Gather {
     const double y = cell_A.y + 0.5 - origin_y_;
     const double u = xx_ * x + xy_ * y;
     const double v = yx_ * x + yy_ * y;
-    const std::optional<std::size_t> position =
-        leans_ ? Descend(field, u, v) : FindAt(field, u + middle_u_, v + middle_v_);
+    // Most lines lean so little that they stay within one cell from the top to the bottom.
+    const std::optional<std::size_t> position = leans_ && !StaysInOneCell(u, v)
+                                                    ? Descend(field, u, v)
+                                                    : FindAt(field, u + middle_u_, v + middle_v_);
     if (!position) return std::nullopt;
     const double level_m = (R_.coeff(0, 2) * x + R_.coeff(1, 2) * y) * cell_size_m_;
     const double z_A = (field.elevation_m(*position) - level_m) / R_.coeff(2, 2) + t_.z();
@@ -59,6 +61,16 @@ class Gather {
         {static_cast<std::int32_t>(std::floor(u)), static_cast<std::int32_t>(std::floor(v))});
   }
 
+  /// Whether the line that crosses z = 0 of F at (u, v) surely crosses no border of a cell between
+  /// the heights of the field.
+  bool StaysInOneCell(double u, double v) const {
+    const auto stays = [](double at, double reach) {
+      const double in_cell = at - std::floor(at);
+      return in_cell > reach && in_cell < 1.0 - reach;
+    };
+    return stays(u + middle_u_, reach_u_) && stays(v + middle_v_, reach_v_);
+  }
+
   /// (u, v): where the line crosses z = 0 of F, in cells.
   template <typename Field>
   std::optional<std::size_t> Descend(const Field& field, double u, double v) const;
@@ -71,6 +83,7 @@ class Gather {
   double lean_u_, lean_v_;      ///< cells of F that the line moves a metre of height in F
   double z_min_, z_max_;        ///< of the field, in F
   double middle_u_, middle_v_;  ///< shift of the line at the middle of the field's heights
+  double reach_u_, reach_v_;    ///< from there to the top or the bottom, and what rounding may add
   bool leans_ = false;          ///< the line may cross more than one cell
 };
 

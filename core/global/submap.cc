@@ -107,8 +107,10 @@ void Submap::BuildGroups(const std::vector<KeyedSubmapCell>& cells) {
   std::uint32_t first = 0;
   for (Group& group : groups_) {
     group.first = first;
-    for (const std::uint64_t word : group.occupied)
-      first += static_cast<std::uint32_t>(std::popcount(word));
+    for (std::size_t i = 0; i < group.occupied.size(); ++i) {
+      group.before[i] = static_cast<std::uint8_t>(first - group.first);  // at most 192
+      first += static_cast<std::uint32_t>(std::popcount(group.occupied[i]));
+    }
     group.elevation_m_min = std::numeric_limits<float>::max();
     group.elevation_m_max = std::numeric_limits<float>::lowest();
   }

@@ -65,6 +65,7 @@ class Submap {
   struct Group {
     std::array<std::uint64_t, 4> occupied{};  ///< bit: row in group * 16 + column in group
     std::uint32_t first = 0;                  ///< position of its first cell
+    std::array<std::uint8_t, 4> before{};     ///< cells in the words before a word
     float elevation_m_min = 0;
     float elevation_m_max = 0;
     CellIndex origin;  ///< its lower left cell
@@ -132,11 +133,8 @@ class Submap {
     const std::uint64_t word = group.occupied[static_cast<std::size_t>(bit >> 6)];
     const std::uint64_t mask = std::uint64_t{1} << (bit & 63);
     if ((word & mask) == 0) return std::nullopt;
-    std::size_t position = group.first + static_cast<std::size_t>(std::popcount(word & (mask - 1)));
-    for (int i = 0; i < (bit >> 6); ++i)
-      position +=
-          static_cast<std::size_t>(std::popcount(group.occupied[static_cast<std::size_t>(i)]));
-    return position;
+    return group.first + group.before[static_cast<std::size_t>(bit >> 6)] +
+           static_cast<std::size_t>(std::popcount(word & (mask - 1)));
   }
   /// False only if no cell of the rectangle is known; looks at groups, not at cells.
   bool MayKnowAnyOf(const CellRect& rect) const;
