@@ -20,6 +20,8 @@ struct ConnectionOptions {
   /// Largest message in either direction; gRPC's own default of 4 MiB is smaller than a batch of
   /// tiles.
   int message_bytes_max = 256 << 20;
+  /// True: a TCP connection of its own, also where another Connection to the same address is open.
+  bool exclusive = false;
 };
 
 /// Thread-safe. Connects when it is first used.

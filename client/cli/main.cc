@@ -10,6 +10,8 @@
 #include "absl/status/status.h"
 #include "client/cli/bench_corrections.h"
 #include "client/cli/bench_local.h"
+#include "client/cli/bench_serving.h"
+#include "client/cli/bench_soak.h"
 #include "client/cli/correct_command.h"
 #include "client/cli/evaluate_command.h"
 #include "client/cli/export_command.h"
@@ -37,6 +39,8 @@ int main(int argc, char** argv) {
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
   gem::client::AddBenchCorrectionsCommand(*app.get_subcommand("bench"), run);
+  gem::client::AddBenchServingCommand(*app.get_subcommand("bench"), run);
+  gem::client::AddBenchSoakCommand(*app.get_subcommand("bench"), run);
   gem::client::AddEvaluateCommand(app, run);
   CLI11_PARSE(app, argc, argv);
 

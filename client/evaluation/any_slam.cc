@@ -10,9 +10,9 @@
 #include "client/connection.h"
 #include "client/evaluation/revisits.h"
 #include "client/evaluation/road_truth.h"
-#include "client/evaluation/server_process.h"
 #include "client/evaluation/town_drive.h"
 #include "client/ingest_client.h"
+#include "client/load/server_process.h"
 #include "client/map_client.h"
 #include "core/base/status_macros.h"
 
@@ -208,7 +208,7 @@ absl::StatusOr<Report> RunAnySlam(const Settings& settings) {
   Report report;
   report.name = "any_slam";
   report.title = "One server, three SLAM systems";
-  auto server = ServerProcess::Start();
+  auto server = load::ServerProcess::Start();
   if (absl::IsNotFound(server.status())) {
     report.skipped.push_back("everything: there is no gem_server beside gem");
     return report;

@@ -13,8 +13,8 @@
 #include "client/connection.h"
 #include "client/evaluation/bench_range.h"
 #include "client/evaluation/made_up_drive.h"
-#include "client/evaluation/server_process.h"
 #include "client/ingest_client.h"
+#include "client/load/server_process.h"
 #include "client/map_client.h"
 #include "client/simulation/analytic_terrain.h"
 #include "client/simulation/lidar.h"
@@ -328,7 +328,7 @@ class Run {
 
 absl::StatusOr<CorrectionsBench> BenchCorrections(const CorrectionsBenchOptions& options) {
   GEM_RETURN_IF_ERROR(Validate(options));
-  GEM_ASSIGN_OR_RETURN(const auto server, ServerProcess::Start());
+  GEM_ASSIGN_OR_RETURN(const auto server, load::ServerProcess::Start());
   return Run(options, std::make_shared<const client::Connection>(
                           client::ConnectionOptions{.address = server->address()}))
       .Measure();

@@ -1,4 +1,4 @@
-#include "client/evaluation/server_process.h"
+#include "client/load/server_process.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -16,7 +16,7 @@
 
 extern char** environ;
 
-namespace gem::evaluation {
+namespace gem::load {
 namespace {
 
 namespace fs = std::filesystem;
@@ -53,21 +53,35 @@ std::string WaitForAddress(int output) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::Start() {
+absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::Start(
+    const std::vector<std::string>& options) {
   std::error_code error;
   const fs::path binary = fs::read_symlink("/proc/self/exe", error).parent_path() / "gem_server";
   if (error || !fs::exists(binary, error))
     return absl::NotFoundError("no gem_server beside this program");
+  std::vector<std::string> words = {binary.string(), "--listen", "127.0.0.1:0", "--metrics_listen",
+                                    "127.0.0.1:0"};
+  words.insert(words.end(), options.begin(), options.end());
+  return Run(std::move(words));
+}
+
+absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::StartOwn(
+    const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {"/proc/self/exe"};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  return Run(std::move(words));
+}
+
+absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::Run(std::vector<std::string> words) {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) return absl::UnavailableError("no pipe");
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  std::array<std::string, 5> words = {binary.string(), "--listen", "127.0.0.1:0",
-                                      "--metrics_listen", "127.0.0.1:0"};
-  std::array<char*, 6> argv{};
-  for (std::size_t i = 0; i < words.size(); ++i) argv[i] = words[i].data();
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
   pid_t pid = -1;
   const int failed = posix_spawn(&pid, words[0].c_str(), &actions, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
@@ -84,11 +98,18 @@ absl::StatusOr<std::unique_ptr<ServerProcess>> ServerProcess::Start() {
 }
 
 ServerProcess::~ServerProcess() {
+  Stop();
+  close(output_);
+}
+
+int ServerProcess::Stop() {
+  if (exit_code_.has_value()) return *exit_code_;
   kill(pid_, SIGTERM);
   int status = 0;
   while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
   }
-  close(output_);
+  exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  return *exit_code_;
 }
 
-}  // namespace gem::evaluation
+}  // namespace gem::load
