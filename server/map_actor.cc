@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/check.h"
+#include "core/base/thread_name.h"
 #include "core/base/thread_priority.h"
 #include "proto/wire/refusal.h"
 #include "server/retry.h"
@@ -195,6 +196,7 @@ void MapActor::Join() {
 }
 
 void MapActor::Run() {
+  NameThread("map");
   // Scans are due, corrections are only wanted soon. Rendering threads are started from here.
   RunBehindOthers();
   Batch batch;

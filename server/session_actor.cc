@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/base/thread_name.h"
 #include "spdlog/spdlog.h"
 
 namespace gem {
@@ -57,6 +58,7 @@ void SessionActor::Join() {
 }
 
 void SessionActor::Run() {
+  NameThread("session");
   // On this thread: a window of a million cells takes a while to allocate.
   SessionMapper mapper(config_);
   while (true) {

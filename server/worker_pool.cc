@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/thread_name.h"
 #include "server/retry.h"
 
 namespace gem {
@@ -42,6 +43,7 @@ void WorkerPool::Stop() {
 }
 
 void WorkerPool::Run() {
+  NameThread("worker");
   while (true) {
     std::function<void()> work;
     {

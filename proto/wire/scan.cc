@@ -6,6 +6,8 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <span>
 #include <utility>
 
 #include "absl/strings/escaping.h"
@@ -213,22 +215,68 @@ absl::Status DecodeTimeOffsets(const v1::Scan& proto, const Layout& layout, cons
   return absl::OkStatus();
 }
 
+/// Grows with the magnitude; NaN exceeds infinity.
+std::int32_t MagnitudeBits(float value) {
+  return std::bit_cast<std::int32_t>(value) & std::numeric_limits<std::int32_t>::max();
+}
+
+/// x, y and z, all stored as Axis, and no colour. Without a branch, which doubles the speed of
+/// INT16. False if a point is out of range.
+template <typename Axis>
+bool DecodeAxes(const char* at, const Layout& layout, std::span<ScanPoint> points) {
+  const std::int32_t most = MagnitudeBits(static_cast<float>(kCoordinateMax_m));
+  const auto& [x, y, z] = layout.xyz;
+  std::int32_t beyond = 0;  // negative once one is
+  for (ScanPoint& point : points) {
+    point = {static_cast<float>(Load<Axis>(at + x.offset)) * x.scale,
+             static_cast<float>(Load<Axis>(at + y.offset)) * y.scale,
+             static_cast<float>(Load<Axis>(at + z.offset)) * z.scale, 0};
+    beyond |= (most - MagnitudeBits(point.x_m)) | (most - MagnitudeBits(point.y_m)) |
+              (most - MagnitudeBits(point.z_m));
+    at += layout.stride;
+  }
+  return beyond >= 0;
+}
+
+void DecodeMixedAxes(const char* at, const Layout& layout, std::span<ScanPoint> points) {
+  const auto& [x, y, z] = layout.xyz;
+  for (ScanPoint& point : points) {
+    point = {LoadAxis(at, x), LoadAxis(at, y), LoadAxis(at, z), 0};
+    at += layout.stride;
+  }
+}
+
+void DecodeColors(const char* at, const Layout& layout, std::span<ScanPoint> points) {
+  for (ScanPoint& point : points) {
+    const Rgba rgba = Load<Rgba>(at + layout.rgba.offset);
+    // Inside the mapper a colour is there (alpha 255) or not (0): half transparent means there.
+    point.rgba = (rgba >> 24) == 0 ? 0 : rgba | 0xff000000u;
+    at += layout.stride;
+  }
+}
+
 absl::Status DecodePoints(const v1::Scan& proto, const Layout& layout, const FieldPath& field,
                           std::vector<ScanPoint>& points) {
   points.resize(proto.point_count());
   const char* at = proto.points().data();
-  const auto& [x, y, z] = layout.xyz;
-  for (std::size_t i = 0; i < points.size(); ++i, at += layout.stride) {
-    ScanPoint& point = points[i];
-    point.x_m = LoadAxis(at, x);
-    point.y_m = LoadAxis(at, y);
-    point.z_m = LoadAxis(at, z);
-    point.rgba = layout.rgba.present ? Load<Rgba>(at + layout.rgba.offset) : 0;
-    if (!(InRange(point.x_m) && InRange(point.y_m) && InRange(point.z_m))) [[unlikely]]
-      return RefusePoint(point, i, field);
-    // Inside the mapper a colour is there (alpha 255) or not (0): half transparent means there.
-    point.rgba = (point.rgba >> 24) == 0 ? 0 : point.rgba | 0xff000000u;
+  const auto are = [&](v1::PointField::Type type) {
+    return std::all_of(layout.xyz.begin(), layout.xyz.end(),
+                       [&](const Column& column) { return column.type == type; });
+  };
+  bool in_range = false;  // or not known to be
+  if (are(v1::PointField::TYPE_FLOAT32)) {
+    in_range = DecodeAxes<float>(at, layout, points);
+  } else if (are(v1::PointField::TYPE_INT16)) {
+    in_range = DecodeAxes<std::int16_t>(at, layout, points);
+  } else {
+    DecodeMixedAxes(at, layout, points);
   }
+  for (std::size_t i = 0; i < points.size() && !in_range; ++i) {
+    const ScanPoint& point = points[i];
+    if (!(InRange(point.x_m) && InRange(point.y_m) && InRange(point.z_m)))
+      return RefusePoint(point, i, field);
+  }
+  if (layout.rgba.present) DecodeColors(at, layout, points);
   return absl::OkStatus();
 }
 
