@@ -2,7 +2,7 @@
 JOBS ?= 2
 export CTEST_OUTPUT_ON_FAILURE = 1
 
-.PHONY: all build demo evaluate bench test test-asan test-tsan test-deploy lint format tidy deps clean help
+.PHONY: all build demo evaluate bench bench-serving soak test test-asan test-tsan test-deploy fuzz lint format tidy deps clean help
 
 all: build
 
@@ -12,9 +12,12 @@ help:
 	@echo "make test       build and run all tests"
 	@echo "make evaluate   rerun the paper's experiments; EVALUATION.md and plots (half an hour)"
 	@echo "make bench      reproduce the figures of PERFORMANCE.md (minutes; GEM_DATA_DIR names the recordings)"
+	@echo "make bench-serving  reproduce the figures of SERVING.md (minutes; on an idle machine)"
+	@echo "make soak       robots, planners, watchers coming and going for MINUTES=10; fails if the server grows"
 	@echo "make lint       check formatting, clang-tidy, protobuf style"
 	@echo "make format     format all sources"
 	@echo "make test-asan  tests under AddressSanitizer and UndefinedBehaviorSanitizer, fuzzer seeds"
+	@echo "make fuzz       every fuzzer for SECONDS_EACH=60 seconds, JOBS=2 at a time"
 	@echo "make test-tsan  tests under ThreadSanitizer"
 	@echo "make test-deploy dashboards, rules and alerts against a loaded server that Prometheus watches"
 	@echo "make clean      remove build/ and out/"
@@ -37,6 +40,13 @@ evaluate: build
 bench: build
 	deploy/bench.sh build/release/bin
 
+bench-serving: build
+	deploy/bench_serving.sh build/release/bin
+
+MINUTES ?= 10
+soak: build
+	build/release/bin/gem bench soak --minutes $(MINUTES)
+
 test: build
 	cd build/release && ctest
 
@@ -46,6 +56,13 @@ build-clang: build/clang/build.ninja
 test-asan: build/asan-ubsan/build.ninja
 	cmake --build build/asan-ubsan -j $(JOBS)
 	ctest --preset asan-ubsan
+
+# Alone, so that CI can build while it runs tests.
+FUZZERS = write_seeds fuzz_ingest_request fuzz_tile fuzz_local_map fuzz_server_call fuzz_client_answer
+
+fuzz: build/asan-ubsan/build.ninja
+	cmake --build build/asan-ubsan -j $(JOBS) --target $(FUZZERS)
+	deploy/fuzz.sh build/asan-ubsan
 
 # What has threads of its own (those of emulated kernels too) and no gRPC: stock gRPC is not instrumented, and what it runs would be reported falsely.
 TSAN_TESTS = base_test global_test server_core_test emulation_test

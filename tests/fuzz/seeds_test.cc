@@ -1,21 +1,26 @@
-// The seeds, and many small damages of each, through the fuzzers' entry functions: what a fuzzer
-// would find in its first second is found by every test run. A failure ends the process.
+// The seeds, inputs that once did harm, and many small damages of each seed, through every fuzzer's
+// function: what a fuzzer would find in its first second is found by every test run. A failure ends
+// the process.
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <random>
 
-#include "gem/v1/ingest_service.pb.h"
-#include "gem/v1/types.pb.h"
-#include "tests/fuzz/fuzz_targets.h"
+#include "tests/fuzz/targets.h"
 
 namespace gem::fuzz {
 namespace {
 
-using Target = void (*)(const std::uint8_t*, std::size_t);
+constexpr std::size_t kSeedBytesMax = 8192;
 
-void Feed(Target target, const std::string& bytes) {
-  target(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
-}
+class Seeds : public testing::TestWithParam<Target> {
+ protected:
+  static void Feed(const std::string& bytes) {
+    GetParam().run(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+  }
+};
 
 std::string Damaged(std::string bytes, std::mt19937& random) {
   const auto below = [&](std::size_t limit) { return random() % std::max<std::size_t>(limit, 1); };
@@ -38,45 +43,42 @@ std::string Damaged(std::string bytes, std::mt19937& random) {
   return bytes;
 }
 
-void FeedDamaged(Target target, const std::vector<std::string>& seeds, int damages_each) {
+TEST_P(Seeds, AreSmall) {
+  ASSERT_FALSE(GetParam().seeds().empty());
+  for (const std::string& seed : GetParam().seeds()) EXPECT_LT(seed.size(), kSeedBytesMax);
+}
+
+TEST_P(Seeds, SurviveDamage) {
   std::mt19937 random(20261122);
-  for (const std::string& seed : seeds) {
-    Feed(target, seed);
-    for (int i = 0; i < damages_each; ++i) Feed(target, Damaged(seed, random));
+  for (const std::string& seed : GetParam().seeds()) {
+    Feed(seed);
+    for (int i = 0; i < GetParam().damages_each; ++i) Feed(Damaged(seed, random));
   }
 }
 
-TEST(FuzzSeeds, IngestRequestsSurviveDamage) {
-  FeedDamaged(IngestRequest, IngestRequestSeeds(), 5000);
-}
-
-TEST(FuzzSeeds, TilesSurviveDamage) { FeedDamaged(Tile, TileSeeds(), 2000); }
-
-TEST(FuzzSeeds, NothingAndNoiseAreSurvived) {
-  Feed(IngestRequest, "");
-  Feed(Tile, "");
+TEST_P(Seeds, AreNotNeeded) {
+  Feed("");
   std::mt19937 random(1);
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < GetParam().damages_each / 5; ++i) {
     std::string noise(random() % 64, '\0');
     for (char& c : noise) c = static_cast<char>(random());
-    Feed(IngestRequest, noise);
-    Feed(Tile, noise);
+    Feed(noise);
   }
 }
 
-TEST(FuzzSeeds, AreGoodMessages) {
-  for (const std::string& seed : IngestRequestSeeds()) {
-    v1::IngestRequest request;
-    EXPECT_TRUE(request.ParseFromString(seed));
-    EXPECT_NE(request.payload_case(), v1::IngestRequest::PAYLOAD_NOT_SET);
-    EXPECT_LT(seed.size(), 1000u);
-  }
-  for (const std::string& seed : TileSeeds()) {
-    v1::Tile tile;
-    EXPECT_TRUE(tile.ParseFromString(seed));
-    EXPECT_LT(seed.size(), 2000u);
+TEST_P(Seeds, WhatOnceDidHarmDoesNoMore) {
+  const std::filesystem::path folder =
+      std::filesystem::path(GEM_SOURCE_DIR) / "tests/fuzz/crashes" / GetParam().name;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    SCOPED_TRACE(entry.path());
+    std::ifstream file(entry.path(), std::ios::binary);
+    Feed({std::istreambuf_iterator<char>(file), {}});
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(EveryTarget, Seeds, testing::ValuesIn(Targets()),
+                         [](const auto& target) { return target.param.name; });
 
 }  // namespace
 }  // namespace gem::fuzz

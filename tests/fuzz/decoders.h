@@ -1,6 +1,5 @@
-// What the fuzzers feed: bytes as they could come over the wire, all the way in. They end the
-// process only if something of ours is wrong. The same functions run under GoogleTest with the
-// seeds.
+// Decoders of single messages, without a server or a client around them: fast, so that a fuzzer
+// gets deep into them.
 #pragma once
 
 #include <cstddef>
@@ -14,9 +13,12 @@ namespace gem::fuzz {
 void IngestRequest(const std::uint8_t* data, std::size_t size);
 /// A serialised Tile, as a client decodes it.
 void Tile(const std::uint8_t* data, std::size_t size);
+/// A serialised LocalMap, as a client decodes it.
+void LocalMap(const std::uint8_t* data, std::size_t size);
 
 /// Small good messages to start from.
 std::vector<std::string> IngestRequestSeeds();
 std::vector<std::string> TileSeeds();
+std::vector<std::string> LocalMapSeeds();
 
 }  // namespace gem::fuzz

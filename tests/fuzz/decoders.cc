@@ -1,4 +1,4 @@
-#include "tests/fuzz/fuzz_targets.h"
+#include "tests/fuzz/decoders.h"
 
 #include <google/protobuf/stubs/logging.h>
 
@@ -7,6 +7,7 @@
 
 #include "core/base/check.h"
 #include "gem/v1/ingest_service.pb.h"
+#include "gem/v1/tile_service.pb.h"
 #include "gem/v1/types.pb.h"
 #include "proto/wire/depth_image.h"
 #include "proto/wire/map.h"
@@ -51,6 +52,13 @@ void RunScan(const v1::Scan& scan) {
   GEM_CHECK(mapper.End().ended);
 }
 
+void CheckGrid(const LayeredGrid& grid) {
+  for (const GridLayer& layer : grid.layers) {
+    GEM_CHECK(layer.valid.size() == grid.num_cells());
+    for (const float value : layer.values) GEM_CHECK(std::isfinite(value));
+  }
+}
+
 }  // namespace
 
 void IngestRequest(const std::uint8_t* data, std::size_t size) {
@@ -80,10 +88,16 @@ void Tile(const std::uint8_t* data, std::size_t size) {
   const auto tile = wire::FromProto(proto, wire::FieldPath("tile"));
   GEM_CHECK(tile.ok() || !wire::FieldOf(tile.status()).empty());
   if (!tile.ok() || !tile->grid.has_value()) return;
-  for (const GridLayer& layer : tile->grid->layers) {
-    GEM_CHECK(layer.valid.size() == tile->grid->num_cells());
-    for (const float value : layer.values) GEM_CHECK(std::isfinite(value));
-  }
+  CheckGrid(*tile->grid);
+}
+
+void LocalMap(const std::uint8_t* data, std::size_t size) {
+  google::protobuf::SetLogHandler(nullptr);
+  v1::LocalMap proto;
+  if (!proto.ParseFromArray(data, static_cast<int>(size))) return;
+  const auto map = wire::FromProto(proto, wire::FieldPath("local_map"));
+  GEM_CHECK(map.ok() || !wire::FieldOf(map.status()).empty());
+  if (map.ok()) CheckGrid(map->grid);
 }
 
 std::vector<std::string> IngestRequestSeeds() {
@@ -155,6 +169,18 @@ std::vector<std::string> TileSeeds() {
   proto.Clear();
   proto.set_absent(true);
   seeds.push_back(proto.SerializeAsString());
+  return seeds;
+}
+
+std::vector<std::string> LocalMapSeeds() {
+  SessionMapper mapper(SmallSession());
+  const auto map = mapper.CopyLocalMap();
+  std::vector<std::string> seeds;
+  for (const auto encoding : {wire::CellEncoding::kRaw, wire::CellEncoding::kCompact}) {
+    v1::LocalMap proto;
+    wire::ToProto(*map, {{}, "session"}, wire::LocalMapLayers(), encoding, &proto);
+    seeds.push_back(proto.SerializeAsString());
+  }
   return seeds;
 }
 

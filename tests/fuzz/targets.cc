@@ -1,0 +1,30 @@
+#include "tests/fuzz/targets.h"
+
+#include <algorithm>
+
+#include "core/base/check.h"
+#include "tests/fuzz/client_answers.h"
+#include "tests/fuzz/decoders.h"
+#include "tests/fuzz/server_calls.h"
+
+namespace gem::fuzz {
+
+const std::vector<Target>& Targets() {
+  static const auto* targets = new std::vector<Target>{
+      {"ingest_request", IngestRequest, IngestRequestSeeds, 5000},
+      {"tile", Tile, TileSeeds, 2000},
+      {"local_map", LocalMap, LocalMapSeeds, 2000},
+      {"server_call", ServerCall, ServerCallSeeds, 50},
+      {"client_answer", ClientAnswer, ClientAnswerSeeds, 200},
+  };
+  return *targets;
+}
+
+const Target& TargetOf(const std::string& name) {
+  const auto found = std::find_if(Targets().begin(), Targets().end(),
+                                  [&](const Target& target) { return target.name == name; });
+  GEM_CHECK(found != Targets().end());
+  return *found;
+}
+
+}  // namespace gem::fuzz
