@@ -2,12 +2,16 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "google/rpc/error_details.pb.h"
 
 namespace gem::client {
 namespace {
+
+constexpr char kReasonUrl[] = "gem/error_reason";
+constexpr char kRevisionExpired[] = "REVISION_EXPIRED";
 
 /// Calls `visit` with each detail of the given type.
 template <typename Detail, typename Visitor>
@@ -35,7 +39,15 @@ absl::Status ToStatus(const grpc::Status& status, const std::string& address) {
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE)
     text = absl::StrCat("server ", address, ": ", text);
   // The numbers of both enums are those of google.rpc.Code.
-  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), text);
+  absl::Status result(static_cast<absl::StatusCode>(status.error_code()), text);
+  VisitDetails<google::rpc::ErrorInfo>(status, [&](const google::rpc::ErrorInfo& info) {
+    result.SetPayload(kReasonUrl, absl::Cord(info.reason()));
+  });
+  return result;
+}
+
+bool IsRevisionExpired(const absl::Status& status) {
+  return status.GetPayload(kReasonUrl) == absl::Cord(kRevisionExpired);
 }
 
 std::optional<double> RetryAfter_s(const grpc::Status& status) {

@@ -14,8 +14,12 @@ class Status;
 namespace gem::client {
 
 /// The server's code and text. Fields that the server names in google.rpc.BadRequest and that its
-/// text lacks are appended, as is the address if the server was not reached.
+/// text lacks are appended, as is the address if the server was not reached. The reason of
+/// google.rpc.ErrorInfo is kept for programs.
 absl::Status ToStatus(const grpc::Status& status, const std::string& address);
+
+/// True if the server does not keep the version any more that was asked for.
+bool IsRevisionExpired(const absl::Status& status);
 
 /// What google.rpc.RetryInfo asks for, seconds.
 std::optional<double> RetryAfter_s(const grpc::Status& status);

@@ -1,10 +1,7 @@
 #include "client/map_client.h"
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <random>
-#include <span>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -18,12 +15,9 @@
 namespace gem::client {
 namespace {
 
-constexpr std::size_t kTilesOfBatchMax = 64;
 constexpr std::uint32_t kPageSize = 1000;
 /// A server that never ends its pages must not fill our memory.
 constexpr int kPagesMax = 100'000;
-/// Tiles of one map: 4 million are 65,000 km^2 at 1 m.
-constexpr int kTilesMax = 1 << 22;
 constexpr auto kCorrectionPause = std::chrono::milliseconds(200);
 
 MapInfo FromProto(const v1::Map& proto) {
@@ -82,41 +76,6 @@ ServerStatus FromProto(const v1::GetServerStatusResponse& proto) {
                     process.num_open_files()};
   status.tiles = {proto.tiles().num_full(), proto.tiles().num_absent()};
   return status;
-}
-
-template <typename Request>
-void Select(const CellSelection& selection, Request& request) {
-  for (const Layer layer : selection.layers)
-    request.add_layers(static_cast<v1::Layer>(wire::ToProto(layer)));
-  request.set_encoding(selection.encoding == CellEncoding::kRaw ? v1::CELL_ENCODING_RAW
-                                                                : v1::CELL_ENCODING_COMPACT);
-}
-
-/// What the server sent must be what was asked for: maps are drawn from it.
-absl::Status CheckTile(const wire::DecodedTile& tile, const TileAddress& wanted,
-                       const CellSelection& selection) {
-  if (tile.address != wanted)
-    return absl::InternalError(absl::StrCat("the server sent tile (", tile.address.level, ", ",
-                                            tile.address.index.x, ", ", tile.address.index.y,
-                                            ") instead of (", wanted.level, ", ", wanted.index.x,
-                                            ", ", wanted.index.y, ")"));
-  if (!tile.grid) return absl::OkStatus();
-  if (tile.grid->columns != kTileCells || tile.grid->rows != kTileCells)
-    return absl::InternalError(absl::StrCat("the server sent a tile of ", tile.grid->columns, " x ",
-                                            tile.grid->rows, " cells, want ", kTileCells, " x ",
-                                            kTileCells));
-  for (const Layer layer : selection.layers)
-    if (tile.grid->Find(layer) == nullptr)
-      return absl::InternalError(
-          absl::StrCat("the server sent a tile without layer ", NameOf(layer)));
-  return absl::OkStatus();
-}
-
-/// True if tile and region share a cell's area.
-bool Touches(TileIndex tile, const Region& region, double cell_size_m) {
-  const double side_m = cell_size_m * kTileCells;
-  return tile.x * side_m < region.x_m_max && (tile.x + 1) * side_m > region.x_m_min &&
-         tile.y * side_m < region.y_m_max && (tile.y + 1) * side_m > region.y_m_min;
 }
 
 absl::Status NeverStillError(const std::string& map, int tries) {
@@ -180,116 +139,6 @@ absl::StatusOr<std::vector<SubmapInfo>> MapClient::ListSubmaps(const std::string
     }
   }
   return NeverStillError(map, options_.consistent_tries_max);
-}
-
-absl::StatusOr<TileMatrix> MapClient::GetTileMatrix(const std::string& map) const {
-  v1::GetTileMatrixRequest request;
-  v1::GetTileMatrixResponse response;
-  request.set_map(map);
-  GEM_RETURN_IF_ERROR(stubs_->Call(*stubs_->tile, &v1::TileService::Stub::GetTileMatrix,
-                                   options_.deadline_s, request, response));
-  if (response.tile_cells() != kTileCells)
-    return absl::InternalError(absl::StrCat("the server has tiles of ", response.tile_cells(),
-                                            " cells a side, want ", kTileCells));
-  if (!(response.cell_size_m() > 0 && response.cell_size_m() <= kCellSizeMax_m))
-    return absl::InternalError(absl::StrCat("the server has cells of ", response.cell_size_m(),
-                                            " m, want (0, ", kCellSizeMax_m, "]"));
-  if (response.tiles_size() > kTilesMax)
-    return absl::ResourceExhaustedError(absl::StrCat("map ", map, " has ", response.tiles_size(),
-                                                     " tiles, this client takes at most ",
-                                                     kTilesMax));
-  TileMatrix matrix{response.cell_size_m(),
-                    response.traversability_free(),
-                    {},
-                    wire::FromProto(response.version())};
-  matrix.tiles.reserve(static_cast<std::size_t>(response.tiles_size()));
-  for (const v1::TileKey& key : response.tiles()) {
-    GEM_ASSIGN_OR_RETURN(const TileAddress tile, wire::FromProto(key, wire::FieldPath("tiles")));
-    if (tile.level != 0)
-      return absl::InternalError(absl::StrCat("the server lists a tile of level ", tile.level));
-    matrix.tiles.push_back(tile.index);
-  }
-  return matrix;
-}
-
-absl::StatusOr<TileSet> MapClient::GetTilesOnce(const std::string& map,
-                                                const std::vector<TileIndex>& tiles,
-                                                const CellSelection& selection) const {
-  TileSet set;
-  set.tiles.reserve(tiles.size());
-  while (set.tiles.size() < tiles.size()) {
-    const std::size_t begin = set.tiles.size();
-    const std::size_t end = std::min(begin + kTilesOfBatchMax, tiles.size());
-    v1::BatchGetTilesRequest request;
-    v1::BatchGetTilesResponse response;
-    request.set_map(map);
-    Select(selection, request);
-    for (std::size_t i = begin; i < end; ++i)
-      wire::ToProto(TileAddress{0, tiles[i]}, request.add_tiles());
-    GEM_RETURN_IF_ERROR(stubs_->Call(*stubs_->tile, &v1::TileService::Stub::BatchGetTiles,
-                                     options_.deadline_s, request, response));
-    if (response.tiles_size() != static_cast<int>(end - begin))
-      return absl::InternalError(absl::StrCat("the server sent ", response.tiles_size(),
-                                              " tiles instead of ", end - begin));
-    const MapVersion version = wire::FromProto(response.version());
-    if (begin > 0 && version != set.version)
-      return absl::AbortedError(absl::StrCat("map ", map, " changed"));
-    set.version = version;
-    for (const v1::Tile& proto : response.tiles()) {
-      GEM_ASSIGN_OR_RETURN(wire::DecodedTile decoded,
-                           wire::FromProto(proto, wire::FieldPath("tiles")));
-      GEM_RETURN_IF_ERROR(CheckTile(decoded, {0, tiles[set.tiles.size()]}, selection));
-      MapTile tile{decoded.address.index, decoded.version, std::move(decoded.grid)};
-      set.tiles.push_back(std::move(tile));
-    }
-  }
-  return set;
-}
-
-absl::StatusOr<TileSet> MapClient::GetTiles(const std::string& map,
-                                            const std::vector<TileIndex>& tiles,
-                                            const CellSelection& selection) const {
-  for (int tries = 0; tries < options_.consistent_tries_max; ++tries) {
-    absl::StatusOr<TileSet> set = GetTilesOnce(map, tiles, selection);
-    if (!absl::IsAborted(set.status())) return set;
-  }
-  return NeverStillError(map, options_.consistent_tries_max);
-}
-
-absl::StatusOr<TiledMap> MapClient::ReadMap(const std::string& map,
-                                            const std::optional<Region>& region,
-                                            const CellSelection& selection) const {
-  for (int tries = 0; tries < options_.consistent_tries_max; ++tries) {
-    GEM_ASSIGN_OR_RETURN(TileMatrix matrix, GetTileMatrix(map));
-    if (region)
-      std::erase_if(matrix.tiles,
-                    [&](TileIndex tile) { return !Touches(tile, *region, matrix.cell_size_m); });
-    if (matrix.tiles.empty()) return TiledMap{matrix, {matrix.version, {}}};
-    absl::StatusOr<TileSet> tiles = GetTilesOnce(map, matrix.tiles, selection);
-    if (!tiles.ok() && !absl::IsAborted(tiles.status())) return tiles.status();
-    // A newer version may have tiles that the matrix does not list.
-    if (tiles.ok() && tiles->version == matrix.version)
-      return TiledMap{std::move(matrix), *std::move(tiles)};
-  }
-  return NeverStillError(map, options_.consistent_tries_max);
-}
-
-absl::StatusOr<LocalMap> MapClient::GetLocalMap(const std::string& robot,
-                                                const CellSelection& selection) const {
-  v1::GetLocalMapRequest request;
-  v1::GetLocalMapResponse response;
-  request.set_robot(robot);
-  Select(selection, request);
-  GEM_RETURN_IF_ERROR(stubs_->Call(*stubs_->tile, &v1::TileService::Stub::GetLocalMap,
-                                   options_.deadline_s, request, response));
-  GEM_ASSIGN_OR_RETURN(wire::DecodedLocalMap decoded,
-                       wire::FromProto(response.local_map(), wire::FieldPath("local_map")));
-  for (const Layer layer : selection.layers)
-    if (decoded.grid.Find(layer) == nullptr)
-      return absl::InternalError(
-          absl::StrCat("the server sent a local map without layer ", NameOf(layer)));
-  return LocalMap{decoded.stamp_ns, decoded.seq,   decoded.origin,  std::move(decoded.grid),
-                  decoded.T_O_B,    decoded.T_G_O, decoded.session, decoded.traversability_free};
 }
 
 absl::StatusOr<CorrectionResult> MapClient::CorrectTrajectory(const Correction& correction) const {

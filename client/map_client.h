@@ -16,7 +16,7 @@ namespace gem::client {
 /// How the server stores cells on the wire.
 enum class CellEncoding {
   kRaw,      ///< exact
-  kCompact,  ///< a third of the bytes or less; elevation rounded to 1 mm
+  kCompact,  ///< a tenth of the bytes or less; elevation rounded to 1 mm
 };
 
 struct MapClientOptions {
@@ -24,7 +24,8 @@ struct MapClientOptions {
   double deadline_s = 30;
   /// Of a correction, which is answered when the corrected map is published. Range (0, 1e6].
   double correction_deadline_s = 600;
-  /// How often tiles are read again because the map changed between two batches. Range [1, 1000].
+  /// How often a map is read again because the version that was begun with is not kept any more.
+  /// Range [1, 1000].
   int consistent_tries_max = 20;
   /// How often a correction is sent if the server is not reached. Range [1, 100].
   int correction_tries_max = 3;
@@ -39,6 +40,18 @@ struct CellSelection {
 /// A rectangle of G, metres, half open: [x_m_min, x_m_max) x [y_m_min, y_m_max).
 struct Region {
   double x_m_min = 0, y_m_min = 0, x_m_max = 0, y_m_max = 0;
+};
+
+/// Which tiles are read, and what the caller has of them.
+struct TileQuery {
+  /// Of the pyramid.
+  int level = 0;
+  /// Nothing: the newest. The server keeps a replaced version for a while, 30 s by default; then
+  /// FAILED_PRECONDITION.
+  std::optional<MapVersion> at = std::nullopt;
+  /// From an earlier call with the same level and selection. Tiles of it that are still the same
+  /// are taken from it, and not sent again. May be null.
+  const TileSet* held = nullptr;
 };
 
 /// Tiles with their geometry, all of one version.
@@ -60,15 +73,18 @@ class MapClient {
   /// All submaps of a map. Pages of different versions are read again; ABORTED if the map never
   /// keeps still.
   absl::StatusOr<std::vector<SubmapInfo>> ListSubmaps(const std::string& map) const;
-  absl::StatusOr<TileMatrix> GetTileMatrix(const std::string& map) const;
+  absl::StatusOr<TileMatrix> GetTileMatrix(const std::string& map, int level = 0) const;
 
-  /// Any number of tiles, in batches, all of one version: read again if the map changes meanwhile;
-  /// ABORTED if it does so too often.
+  /// Any number of tiles, in batches, all of one version. ABORTED if that version is forgotten
+  /// before the last batch, too often.
   absl::StatusOr<TileSet> GetTiles(const std::string& map, const std::vector<TileIndex>& tiles,
-                                   const CellSelection& selection) const;
+                                   const CellSelection& selection,
+                                   const TileQuery& query = {}) const;
   /// The whole map, or the tiles that the region touches; matrix and tiles are of one version.
+  /// held: as in TileQuery.
   absl::StatusOr<TiledMap> ReadMap(const std::string& map, const std::optional<Region>& region,
-                                   const CellSelection& selection) const;
+                                   const CellSelection& selection, int level = 0,
+                                   const TileSet* held = nullptr) const;
 
   absl::StatusOr<LocalMap> GetLocalMap(const std::string& robot,
                                        const CellSelection& selection) const;
@@ -91,7 +107,8 @@ class MapClient {
   struct Stubs;
 
   absl::StatusOr<TileSet> GetTilesOnce(const std::string& map, const std::vector<TileIndex>& tiles,
-                                       const CellSelection& selection) const;
+                                       const CellSelection& selection,
+                                       const TileQuery& query) const;
 
   const std::shared_ptr<const Connection> connection_;
   const MapClientOptions options_;

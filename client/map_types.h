@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -41,19 +42,22 @@ struct SubmapInfo {
   bool finished = false;
 };
 
-/// Geometry and extent of a map's tiles.
+/// Geometry and extent of a level of a map's tiles.
 struct TileMatrix {
-  double cell_size_m = 0;
+  int level = 0;                  ///< of the pyramid: 0 has the map's cell size
+  int level_max = 0;              ///< the coarsest that there is
+  double cell_size_m = 0;         ///< at the level: doubles from one to the next
   float traversability_free = 0;  ///< cells above this are free
-  std::vector<TileIndex> tiles;   ///< all that hold cells, by row, then column
+  std::vector<TileIndex> tiles;   ///< all of the level that hold cells, by row, then column
   MapVersion version;
 };
 
 /// One tile: kTileCells x kTileCells cells of G.
 struct MapTile {
   TileIndex index;
-  MapVersion version;               ///< of its last change
-  std::optional<LayeredGrid> grid;  ///< nothing: no cell of it is known
+  MapVersion version;      ///< of its last change
+  std::uint64_t etag = 0;  ///< of its cells in the layers and encoding that were asked for; 0: none
+  std::shared_ptr<const LayeredGrid> grid;  ///< null: no cell of it is known
 };
 
 /// Tiles of one version.

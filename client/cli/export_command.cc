@@ -21,6 +21,7 @@ struct MapExportFlags {
   ExportFlags file;
   std::string map = "default";
   std::vector<double> region;  // empty or four
+  int level = 0;
 };
 
 absl::Status ExportMap(const MapExportFlags& flags) {
@@ -31,8 +32,9 @@ absl::Status ExportMap(const MapExportFlags& flags) {
     region = Region{flags.region[0], flags.region[1], flags.region[2], flags.region[3]};
   const std::vector<Layer> layers = LayersToRead(layer, format);
   const MapClient client(std::make_shared<const Connection>(ConnectionOptions{flags.file.server}));
-  GEM_ASSIGN_OR_RETURN(const TiledMap tiled,
-                       client.ReadMap(flags.map, region, {layers, CellEncoding::kRaw}));
+  GEM_ASSIGN_OR_RETURN(
+      const TiledMap tiled,
+      client.ReadMap(flags.map, region, {layers, CellEncoding::kRaw}, flags.level));
   const absl::StatusOr<PlacedGrid> placed = Join(tiled, region, layers);
   if (!placed.ok())
     return absl::Status(placed.status().code(),
@@ -59,6 +61,11 @@ void AddExportCommand(CLI::App& app, std::function<absl::Status()>& run) {
                    "X0,Y0,X1,Y1: only cells with centres in it, metres of G")
       ->delimiter(',')
       ->expected(4);
+  command
+      ->add_option("--level", flags->level,
+                   "Of the pyramid: each level halves the resolution, obstacles stay")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   command->callback([flags, &run] { run = [flags] { return ExportMap(*flags); }; });
 }
 

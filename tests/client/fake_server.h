@@ -45,6 +45,16 @@ class FakeTileService : public v1::TileService::Service {
   Handler<v1::GetTileMatrixRequest, v1::GetTileMatrixResponse> on_matrix;
   Handler<v1::BatchGetTilesRequest, v1::BatchGetTilesResponse> on_tiles;
   Handler<v1::GetLocalMapRequest, v1::GetLocalMapResponse> on_local_map;
+  /// Play stream number 1, 2, ...; their status ends the stream.
+  std::function<grpc::Status(int stream_number, const v1::WatchTilesRequest& request,
+                             grpc::ServerContext& context,
+                             grpc::ServerWriter<v1::WatchTilesResponse>& stream)>
+      on_watch;
+  std::function<grpc::Status(int stream_number, const v1::WatchLocalMapRequest& request,
+                             grpc::ServerContext& context,
+                             grpc::ServerWriter<v1::WatchLocalMapResponse>& stream)>
+      on_watch_local_map;
+  std::atomic<int> num_watches{0};
 
   grpc::Status GetTileMatrix(grpc::ServerContext*, const v1::GetTileMatrixRequest* request,
                              v1::GetTileMatrixResponse* response) override {
@@ -57,6 +67,14 @@ class FakeTileService : public v1::TileService::Service {
   grpc::Status GetLocalMap(grpc::ServerContext*, const v1::GetLocalMapRequest* request,
                            v1::GetLocalMapResponse* response) override {
     return on_local_map(*request, *response);
+  }
+  grpc::Status WatchTiles(grpc::ServerContext* context, const v1::WatchTilesRequest* request,
+                          grpc::ServerWriter<v1::WatchTilesResponse>* stream) override {
+    return on_watch(++num_watches, *request, *context, *stream);
+  }
+  grpc::Status WatchLocalMap(grpc::ServerContext* context, const v1::WatchLocalMapRequest* request,
+                             grpc::ServerWriter<v1::WatchLocalMapResponse>* stream) override {
+    return on_watch_local_map(++num_watches, *request, *context, *stream);
   }
 };
 

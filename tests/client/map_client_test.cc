@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "google/rpc/error_details.pb.h"
 #include "proto/wire/grid.h"
 #include "proto/wire/pose.h"
 #include "tests/client/fake_server.h"
@@ -75,11 +78,32 @@ TEST_F(MapClientTest, ReadsTilesInBatchesOf64) {
   EXPECT_EQ(set->tiles[129].grid->Find(Layer::kElevation)->values[0], 129);
 }
 
-TEST_F(MapClientTest, ReadsAllTilesAgainWhenTheMapChangesBetweenBatches) {
+grpc::Status Expired() {
+  google::rpc::ErrorInfo info;
+  info.set_reason("REVISION_EXPIRED");
+  google::rpc::Status details;
+  details.add_details()->PackFrom(info);
+  return {grpc::StatusCode::FAILED_PRECONDITION, "at is revision 1, which is not kept any more",
+          details.SerializeAsString()};
+}
+
+// The map may change between two batches: those after the first are pinned to its version.
+TEST_F(MapClientTest, ReadsAllBatchesOfTheVersionOfTheFirst) {
+  std::vector<std::uint64_t> asked;
+  server_.tile.on_tiles = [&](const auto& request, auto& response) {
+    asked.push_back(request.has_at() ? request.at().revision() : 0);
+    return Serve(request, request.has_at() ? request.at().revision() : 7, response);
+  };
+  const auto set = Client().GetTiles("yard", Row(130), {});
+  ASSERT_TRUE(set.ok()) << set.status();
+  EXPECT_THAT(asked, ElementsAre(0, 7, 7));
+  EXPECT_EQ(set->version.revision, 7u);
+}
+
+TEST_F(MapClientTest, BeginsAnewWhenTheVersionIsForgottenBetweenBatches) {
   int num_calls = 0;
   server_.tile.on_tiles = [&](const auto& request, auto& response) {
-    // Version 1, then 2 for ever: the second batch of the first try differs.
-    return Serve(request, ++num_calls == 1 ? 1 : 2, response);
+    return ++num_calls == 2 ? Expired() : Serve(request, num_calls == 1 ? 1 : 2, response);
   };
   const auto set = Client().GetTiles("yard", Row(65), {});
   ASSERT_TRUE(set.ok()) << set.status();
@@ -88,17 +112,79 @@ TEST_F(MapClientTest, ReadsAllTilesAgainWhenTheMapChangesBetweenBatches) {
   EXPECT_EQ(set->tiles.size(), 65u);
 }
 
-TEST_F(MapClientTest, StopsReadingAMapThatNeverKeepsStill) {
+TEST_F(MapClientTest, StopsReadingAMapWhoseVersionsAreForgottenTooFast) {
   int num_calls = 0;
   server_.tile.on_tiles = [&](const auto& request, auto& response) {
-    return Serve(request, static_cast<std::uint64_t>(++num_calls), response);
+    return ++num_calls % 2 == 0 ? Expired() : Serve(request, 1, response);
   };
   MapClientOptions options;
   options.consistent_tries_max = 3;
   const auto set = Client(options).GetTiles("yard", Row(65), {});
   EXPECT_TRUE(absl::IsAborted(set.status())) << set.status();
-  EXPECT_THAT(std::string(set.status().message()), HasSubstr("map yard changed 3 times"));
+  EXPECT_THAT(std::string(set.status().message()), HasSubstr("was forgotten 3 times"));
   EXPECT_EQ(num_calls, 6);
+}
+
+// Who asked for a version by name must not get another one.
+TEST_F(MapClientTest, APinnedVersionThatIsForgottenIsAnError) {
+  int num_calls = 0;
+  server_.tile.on_tiles = [&](const auto& request, auto&) {
+    ++num_calls;
+    EXPECT_EQ(request.at().epoch(), 1u);
+    EXPECT_EQ(request.at().revision(), 4u);
+    return Expired();
+  };
+  const auto set = Client().GetTiles("yard", Row(1), {}, {0, MapVersion{1, 4}});
+  EXPECT_TRUE(absl::IsFailedPrecondition(set.status())) << set.status();
+  EXPECT_EQ(num_calls, 1);
+}
+
+TEST_F(MapClientTest, RefusesTilesOfAnotherVersionThanThePinnedOne) {
+  server_.tile.on_tiles = [&](const auto& request, auto& response) {
+    return Serve(request, 5, response);
+  };
+  EXPECT_THAT(
+      std::string(Client().GetTiles("yard", Row(1), {}, {0, MapVersion{1, 4}}).status().message()),
+      HasSubstr("tiles of revision 5 instead of 4"));
+}
+
+TEST_F(MapClientTest, TakesTilesThatDidNotChangeFromWhatIsHeld) {
+  server_.tile.on_tiles = [&](const auto& request, auto& response) {
+    EXPECT_EQ(request.if_none_match_size(), 0);
+    const grpc::Status status = Serve(request, 1, response);
+    for (v1::Tile& tile : *response.mutable_tiles())
+      tile.set_etag(static_cast<std::uint64_t>(100 + tile.key().x()));
+    return status;
+  };
+  const auto before = Client().GetTiles("yard", Row(2), {});
+  ASSERT_TRUE(before.ok()) << before.status();
+  EXPECT_EQ(before->tiles[1].etag, 101u);
+  server_.tile.on_tiles = [&](const auto& request, auto& response) {
+    EXPECT_EQ(request.if_none_match_size(), 3);
+    EXPECT_EQ(request.if_none_match(1), 101u);
+    EXPECT_EQ(request.if_none_match(2), 0u) << "not held";
+    const grpc::Status status = Serve(request, 2, response);
+    response.mutable_tiles(0)->set_etag(200);
+    response.mutable_tiles(1)->set_not_modified(true);
+    response.mutable_tiles(1)->set_etag(101);
+    return status;
+  };
+  const auto after = Client().GetTiles("yard", Row(3), {}, {0, std::nullopt, &*before});
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_NE(after->tiles[0].grid, before->tiles[0].grid);
+  EXPECT_EQ(after->tiles[1].grid, before->tiles[1].grid) << "the same cells, not a copy";
+  EXPECT_EQ(after->tiles[1].etag, 101u);
+  ASSERT_NE(after->tiles[2].grid, nullptr);
+}
+
+TEST_F(MapClientTest, RefusesNotModifiedForWhatIsNotHeld) {
+  server_.tile.on_tiles = [&](const auto& request, auto& response) {
+    const grpc::Status status = Serve(request, 1, response);
+    response.mutable_tiles(0)->set_not_modified(true);
+    return status;
+  };
+  EXPECT_THAT(std::string(Client().GetTiles("yard", Row(1), {}).status().message()),
+              HasSubstr("as not modified, which it is not"));
 }
 
 TEST_F(MapClientTest, ReadsMatrixAndTilesOfOneVersion) {
@@ -112,15 +198,18 @@ TEST_F(MapClientTest, ReadsMatrixAndTilesOfOneVersion) {
     SetVersion(revision, response.mutable_version());
     return grpc::Status::OK;
   };
+  bool forgotten = true;
   server_.tile.on_tiles = [&](const auto& request, auto& response) {
-    if (revision < 2) ++revision;  // between the two calls
-    return Serve(request, revision, response);
+    // Between the two calls the map changes, and the first time it forgets what it was.
+    ++revision;
+    if (std::exchange(forgotten, false)) return Expired();
+    return Serve(request, request.at().revision(), response);
   };
   const auto map = Client().ReadMap("yard", std::nullopt, {});
   ASSERT_TRUE(map.ok()) << map.status();
   EXPECT_EQ(map->matrix.version, map->tiles.version);
-  EXPECT_EQ(map->tiles.version.revision, 2u);
-  EXPECT_EQ(map->tiles.tiles.size(), 3u);
+  EXPECT_EQ(map->tiles.version.revision, 1u);
+  EXPECT_EQ(map->tiles.tiles.size(), 2u);
 }
 
 TEST_F(MapClientTest, ReadsOnlyTheTilesThatTheRegionTouches) {
@@ -179,8 +268,8 @@ TEST_F(MapClientTest, KnowsAnAbsentTileFromAnEmptyOne) {
   };
   const auto set = Client().GetTiles("yard", Row(2), {});
   ASSERT_TRUE(set.ok()) << set.status();
-  EXPECT_FALSE(set->tiles[0].grid.has_value());
-  EXPECT_TRUE(set->tiles[1].grid.has_value());
+  EXPECT_EQ(set->tiles[0].grid, nullptr);
+  EXPECT_NE(set->tiles[1].grid, nullptr);
 }
 
 TEST_F(MapClientTest, ReadsTheLocalMapWithItsPoses) {

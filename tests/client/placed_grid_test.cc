@@ -22,7 +22,7 @@ MapTile TileWith(TileIndex index, const std::vector<CellIndex>& cells) {
     layer.values[place] = static_cast<float>(cell.x + 1000 * cell.y);
   }
   grid.layers.push_back(layer);
-  return {index, {}, grid};
+  return {index, {}, 0, std::make_shared<const LayeredGrid>(std::move(grid))};
 }
 
 TiledMap MapOf(const std::vector<MapTile>& tiles) {
@@ -35,7 +35,7 @@ TiledMap MapOf(const std::vector<MapTile>& tiles) {
 
 TEST(Join, CutsToTheKnownCellsAcrossTileBorders) {
   const auto placed = Join(MapOf({TileWith({-1, 0}, {{-2, 1}, {-1, 0}}), TileWith({0, 0}, {{0, 1}}),
-                                  MapTile{{7, 7}, {}, std::nullopt}}),
+                                  MapTile{{7, 7}, {}, 0, nullptr}}),
                            std::nullopt, {Layer::kElevation});
   ASSERT_TRUE(placed.ok()) << placed.status();
   EXPECT_EQ(placed->origin, (CellIndex{-2, 0}));
