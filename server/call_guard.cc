@@ -5,19 +5,27 @@
 #include "server/status_mapping.h"
 
 namespace gem {
+namespace {
+
+std::size_t BytesOf(const AnyMessage& message) {
+  if (const auto* bytes = std::get_if<const grpc::ByteBuffer*>(&message)) return (*bytes)->Length();
+  return std::get<const google::protobuf::Message*>(message)->ByteSizeLong();
+}
+
+}  // namespace
 
 GuardedCall::GuardedCall(grpc::CallbackServerContext* context, const CallMessages& messages,
                          MethodMetrics& metrics)
     : context_(context), messages_(messages), metrics_(metrics) {
   metrics_.Begin();
-  metrics_.CountReceived(messages_.request->ByteSizeLong());
+  metrics_.CountReceived(BytesOf(messages_.request));
 }
 
 void GuardedCall::Complete(const absl::Status& status) {
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   // The response of a call that failed is not sent.
-  if (status.ok()) metrics_.CountSent(messages_.response->ByteSizeLong());
+  if (status.ok()) metrics_.CountSent(BytesOf(messages_.response));
   metrics_.End(CodeName(status), seconds);
   Finish(ToGrpc(status));
 }

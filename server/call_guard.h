@@ -4,10 +4,12 @@
 
 #include <google/protobuf/message.h>
 #include <grpcpp/server_context.h>
+#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <chrono>
 #include <functional>
+#include <variant>
 
 #include "absl/status/status.h"
 #include "server/metrics.h"
@@ -15,10 +17,13 @@
 
 namespace gem {
 
+/// A message as gRPC gives and takes it: its own, or bytes.
+using AnyMessage = std::variant<const google::protobuf::Message*, const grpc::ByteBuffer*>;
+
 /// What a call reads and writes; both live until it is completed.
 struct CallMessages {
-  const google::protobuf::Message* request = nullptr;
-  const google::protobuf::Message* response = nullptr;
+  AnyMessage request;
+  AnyMessage response;
 };
 
 /// One call in progress. Complete() must be called exactly once, from any thread; the request and

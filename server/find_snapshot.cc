@@ -10,8 +10,13 @@ absl::StatusOr<std::shared_ptr<const MapSnapshot>> FindSnapshot(
   GEM_RETURN_IF_ERROR(wire::CheckId(map, wire::FieldPath("map")));
   const absl::StatusOr<std::shared_ptr<MapActor>> actor = registry.FindMap(map);
   if (!actor.ok()) return actor.status();
-  if (!at.has_value()) return (*actor)->snapshot();
-  return (*actor)->history()->At(*at, Clock::now());
+  return FindSnapshot(**actor, at);
+}
+
+absl::StatusOr<std::shared_ptr<const MapSnapshot>> FindSnapshot(
+    const MapActor& map, const std::optional<MapVersion>& at) {
+  if (!at.has_value()) return map.snapshot();
+  return map.history()->At(*at, Clock::now());
 }
 
 }  // namespace gem

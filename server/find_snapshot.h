@@ -16,5 +16,8 @@ namespace gem {
 /// FAILED_PRECONDITION with reason REVISION_EXPIRED for a version that is not kept any more.
 absl::StatusOr<std::shared_ptr<const MapSnapshot>> FindSnapshot(
     const Registry& registry, const std::string& map, const std::optional<MapVersion>& at);
+/// The same of a map that was found already.
+absl::StatusOr<std::shared_ptr<const MapSnapshot>> FindSnapshot(
+    const MapActor& map, const std::optional<MapVersion>& at);
 
 }  // namespace gem

@@ -26,6 +26,23 @@ prometheus::ClientMetric OfMap(const std::string& map, double value) {
   return metric;
 }
 
+prometheus::ClientMetric Count(std::uint64_t value) {
+  prometheus::ClientMetric metric;
+  metric.counter.value = static_cast<double>(value);
+  return metric;
+}
+
+prometheus::ClientMetric OfResult(const char* result, std::uint64_t value) {
+  prometheus::ClientMetric metric = Count(value);
+  metric.label.push_back({"result", result});
+  return metric;
+}
+
+prometheus::MetricFamily Counter(const char* name, const char* help,
+                                 std::vector<prometheus::ClientMetric> metrics) {
+  return {name, help, prometheus::MetricType::Counter, std::move(metrics)};
+}
+
 prometheus::MetricFamily Gauge(const char* name, const char* help,
                                std::vector<prometheus::ClientMetric> metrics) {
   return {name, help, prometheus::MetricType::Gauge, std::move(metrics)};
@@ -71,6 +88,45 @@ void AppendMaps(const Registry& registry, Clock::time_point now,
       Gauge("gem_waiting_corrections", "Corrections without an answer", std::move(corrections)));
 }
 
+void AppendHistories(const Registry& registry, std::vector<prometheus::MetricFamily>& families) {
+  std::vector<prometheus::ClientMetric> revisions, bytes, expired_reads;
+  for (const auto& map : registry.Maps()) {
+    const MapHistory& history = *map->history();
+    revisions.push_back(OfMap(map->id(), history.num_replaced()));
+    bytes.push_back(OfMap(map->id(), static_cast<double>(history.bytes())));
+    expired_reads.push_back(Count(history.num_expired_reads()));
+    expired_reads.back().label.push_back({"map", map->id()});
+  }
+  families.push_back(Gauge("gem_replaced_revisions",
+                           "Revisions that are kept for readers after a newer one was published",
+                           std::move(revisions)));
+  families.push_back(Gauge("gem_replaced_revision_bytes", "Memory that only such revisions hold",
+                           std::move(bytes)));
+  families.push_back(Counter("gem_expired_reads_total",
+                             "Reads of a version that was not kept any more",
+                             std::move(expired_reads)));
+}
+
+void AppendReaders(const TurnScheduler& readers, const EncodedCache& cache, Clock::time_point now,
+                   std::vector<prometheus::MetricFamily>& families) {
+  double lag_s = 0;
+  for (const auto& reader : readers.takers())
+    lag_s = std::max(lag_s, AgeAt(now, reader->behind_since()));
+  families.push_back(
+      Gauge("gem_watch_lag_seconds",
+            "Age of the oldest published change that some stream has not told its reader",
+            {Value(lag_s)}));
+  const EncodedCache::Stats stats = cache.stats();
+  families.push_back(Gauge("gem_tile_cache_bytes", "Encoded tiles and local maps that are kept",
+                           {Value(static_cast<double>(stats.bytes))}));
+  families.push_back(
+      Counter("gem_tile_cache_requests_total", "Encoded tiles and local maps that were asked for",
+              {OfResult("hit", stats.num_hits), OfResult("miss", stats.num_misses)}));
+  families.push_back(Counter("gem_tile_cache_evictions_total",
+                             "Encoded tiles and local maps that made room for others",
+                             {Count(stats.num_evicted)}));
+}
+
 }  // namespace
 
 std::vector<prometheus::MetricFamily> LiveCollector::Collect() const {
@@ -93,6 +149,8 @@ std::vector<prometheus::MetricFamily> LiveCollector::Collect() const {
                            "Sessions that have not ended, with and without a stream",
                            {InState("connected", num_connected), InState("alone", num_alone)}));
   AppendMaps(registry_, now, families);
+  AppendHistories(registry_, families);
+  AppendReaders(readers_, cache_, now, families);
   return families;
 }
 

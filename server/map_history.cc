@@ -10,6 +10,8 @@
 namespace gem {
 namespace {
 
+constexpr std::size_t kPublicationsRemembered_max = 1024;
+
 std::uint64_t BytesOf(const Tile& tile) {
   return sizeof(Tile) + tile.cells.size() * sizeof(CellBelief);
 }
@@ -60,20 +62,30 @@ void MapHistory::Publish(std::shared_ptr<const MapSnapshot> snapshot, Clock::tim
   if (before->version == snapshot->version) return;
   // Without the lock: only this thread replaces the newest.
   const Difference difference = Compare(*before, *snapshot);
-  MutexLock lock(mutex_);
-  BuryLocked(difference, snapshot->version.revision);
-  replaced_.push_back({std::exchange(newest_, std::move(snapshot)), now, difference.bytes});
-  bytes_ += difference.bytes;
+  {
+    MutexLock lock(mutex_);
+    BuryLocked(difference, snapshot->version.revision);
+    replaced_.push_back({std::exchange(newest_, std::move(snapshot)), now, difference.bytes});
+    bytes_ += difference.bytes;
+    published_.push_back(now);
+    if (published_.size() > kPublicationsRemembered_max) published_.pop_front();
+  }
+  if (options_.listener != nullptr) options_.listener->OnNews(source_);
 }
 
 void MapHistory::End(std::shared_ptr<const MapSnapshot> last) {
   std::deque<Replaced> dropped;  // destroyed after the lock is released, as `last` is
-  MutexLock lock(mutex_);
-  dropped.swap(replaced_);
-  bytes_ = 0;
-  for (Tombstones& of_level : tombstones_) of_level.clear();
-  floor_ = last->version.revision;
-  newest_.swap(last);
+  {
+    MutexLock lock(mutex_);
+    ended_ = true;
+    dropped.swap(replaced_);
+    bytes_ = 0;
+    published_.clear();
+    for (Tombstones& of_level : tombstones_) of_level.clear();
+    floor_ = last->version.revision;
+    newest_.swap(last);
+  }
+  if (options_.listener != nullptr) options_.listener->OnNews(source_);
 }
 
 std::optional<Clock::time_point> MapHistory::Trim(Clock::time_point now) {
@@ -97,18 +109,30 @@ std::shared_ptr<const MapSnapshot> MapHistory::newest() const {
 absl::StatusOr<std::shared_ptr<const MapSnapshot>> MapHistory::At(const MapVersion& version,
                                                                   Clock::time_point now) const {
   MutexLock lock(mutex_);
+  if (std::shared_ptr<const MapSnapshot> found = FindLocked(version, now)) return found;
   const MapVersion newest = newest_->version;
-  if (version == newest) return newest_;
   if (version.epoch == newest.epoch && version.revision > newest.revision)
     return wire::Refuse(wire::FieldPath("at").Child("revision"), absl::StrCat(version.revision),
                         absl::StrCat("at most ", newest.revision, ", which is the newest"));
+  ++num_expired_reads_;
+  return Expired(version, newest, options_.retention_s);
+}
+
+std::shared_ptr<const MapSnapshot> MapHistory::Find(const MapVersion& version,
+                                                    Clock::time_point now) const {
+  MutexLock lock(mutex_);
+  return FindLocked(version, now);
+}
+
+std::shared_ptr<const MapSnapshot> MapHistory::FindLocked(const MapVersion& version,
+                                                          Clock::time_point now) const {
+  if (version == newest_->version) return newest_;
   const auto found = std::lower_bound(
       replaced_.begin(), replaced_.end(), version.revision,
       [](const Replaced& r, std::uint64_t v) { return r.snapshot->version.revision < v; });
-  if (found == replaced_.end() || found->snapshot->version != version ||
-      found->since + retention_ <= now)
-    return Expired(version, newest, options_.retention_s);
-  return found->snapshot;
+  const bool is_kept = found != replaced_.end() && found->snapshot->version == version &&
+                       found->since + retention_ > now;
+  return is_kept ? found->snapshot : nullptr;
 }
 
 TileChanges MapHistory::ChangesAfter(const std::optional<MapVersion>& since, int level,
@@ -132,6 +156,19 @@ TileChanges MapHistory::ChangesAfter(const std::optional<MapVersion>& since, int
   return changes;
 }
 
+std::optional<Clock::time_point> MapHistory::FirstNewsAfter(std::uint64_t revision) const {
+  MutexLock lock(mutex_);
+  const std::uint64_t newest = newest_->version.revision;
+  if (revision >= newest || published_.empty()) return std::nullopt;
+  const std::uint64_t num_after = std::min<std::uint64_t>(newest - revision, published_.size());
+  return published_[published_.size() - num_after];
+}
+
+bool MapHistory::ended() const {
+  MutexLock lock(mutex_);
+  return ended_;
+}
+
 std::uint64_t MapHistory::bytes() const {
   MutexLock lock(mutex_);
   return bytes_;
@@ -140,6 +177,11 @@ std::uint64_t MapHistory::bytes() const {
 int MapHistory::num_replaced() const {
   MutexLock lock(mutex_);
   return static_cast<int>(replaced_.size());
+}
+
+std::uint64_t MapHistory::num_expired_reads() const {
+  MutexLock lock(mutex_);
+  return num_expired_reads_;
 }
 
 MapHistory::Difference MapHistory::Compare(const MapSnapshot& before, const MapSnapshot& after) {

@@ -117,6 +117,8 @@ Metrics::Metrics()
           GaugeFamily(*registry_, "gem_rpc_active_calls", "Calls and streams in progress")),
       call_bytes_(CounterFamily(*registry_, "gem_rpc_bytes_total",
                                 "Bytes of messages by method and direction, before compression")),
+      sent_messages_(
+          CounterFamily(*registry_, "gem_rpc_sent_messages_total", "Messages sent by method")),
       call_seconds_(
           HistogramFamily(*registry_, "gem_rpc_seconds",
                           "Time from the call's start to its answer; streams: their life")),
@@ -149,6 +151,16 @@ Metrics::Metrics()
       absent_tiles_(
           CounterFamily(*registry_, "gem_tiles_served_total", "Tiles of answers by outcome")
               .Add({{"outcome", "absent"}})),
+      not_modified_tiles_(
+          CounterFamily(*registry_, "gem_tiles_served_total", "Tiles of answers by outcome")
+              .Add({{"outcome", "not_modified"}})),
+      key_only_tiles_(
+          CounterFamily(*registry_, "gem_tiles_served_total", "Tiles of answers by outcome")
+              .Add({{"outcome", "key_only"}})),
+      skipped_versions_(
+          CounterFamily(*registry_, "gem_watch_skipped_total",
+                        "Published maps and local maps that watchers were too slow to get")
+              .Add({})),
       published_commits_(CounterFamily(*registry_, "gem_commits_total",
                                        "Renderings of a map; cancelled ones start again")
                              .Add({{"result", "published"}})),
@@ -234,17 +246,21 @@ void Metrics::ObserveCorrection(double seconds, std::uint32_t num_touched_tiles)
   correction_tiles_.Observe(num_touched_tiles);
 }
 
-void Metrics::CountTiles(std::uint64_t num_full, std::uint64_t num_absent) {
-  full_tiles_.Increment(static_cast<double>(num_full));
-  absent_tiles_.Increment(static_cast<double>(num_absent));
+void Metrics::CountTiles(const TileCounts& counts) {
+  full_tiles_.Increment(static_cast<double>(counts.full));
+  absent_tiles_.Increment(static_cast<double>(counts.absent));
+  not_modified_tiles_.Increment(static_cast<double>(counts.not_modified));
+  key_only_tiles_.Increment(static_cast<double>(counts.key_only));
 }
 
 MethodMetrics& Metrics::AddMethod(const std::string& method) {
   const prometheus::Labels labels = {{"method", method}};
   const MethodMetrics::Series series = {
-      started_calls_.Add(labels), active_calls_.Add(labels),
+      started_calls_.Add(labels),
+      active_calls_.Add(labels),
       call_bytes_.Add({{"method", method}, {"direction", "received"}}),
       call_bytes_.Add({{"method", method}, {"direction", "sent"}}),
+      sent_messages_.Add(labels),
       call_seconds_.Add(labels, kCallSeconds)};
   MutexLock lock(mutex_);
   methods_.push_back(std::make_unique<MethodMetrics>(method, calls_, series));

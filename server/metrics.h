@@ -71,6 +71,14 @@ class StageTimer {
   StageTotals totals_ ABSL_GUARDED_BY(mutex_);
 };
 
+/// Tiles of answers by outcome.
+struct TileCounts {
+  std::uint64_t full = 0;
+  std::uint64_t absent = 0;
+  std::uint64_t not_modified = 0;
+  std::uint64_t key_only = 0;
+};
+
 /// One RPC of the API. Each call begins once and ends once, whatever becomes of it.
 class MethodMetrics {
  public:
@@ -79,6 +87,7 @@ class MethodMetrics {
     prometheus::Gauge& active;
     prometheus::Counter& received_bytes;
     prometheus::Counter& sent_bytes;
+    prometheus::Counter& sent_messages;
     prometheus::Histogram& seconds;
   };
   MethodMetrics(std::string method, prometheus::Family<prometheus::Counter>& calls,
@@ -88,7 +97,10 @@ class MethodMetrics {
   void CountReceived(std::size_t bytes) {
     series_.received_bytes.Increment(static_cast<double>(bytes));
   }
-  void CountSent(std::size_t bytes) { series_.sent_bytes.Increment(static_cast<double>(bytes)); }
+  void CountSent(std::size_t bytes) {
+    series_.sent_bytes.Increment(static_cast<double>(bytes));
+    series_.sent_messages.Increment();
+  }
   /// code: "OK", "INVALID_ARGUMENT", ...
   void End(const std::string& code, double seconds);
   MethodTotals totals() const;
@@ -116,7 +128,11 @@ class Metrics {
   void ObserveCommit(const CommitReport& report);
   /// From the arrival of a correction to its publication, and the tiles that were rendered for it.
   void ObserveCorrection(double seconds, std::uint32_t num_touched_tiles);
-  void CountTiles(std::uint64_t num_full, std::uint64_t num_absent);
+  void CountTiles(const TileCounts& counts);
+  /// Published maps, or local maps, that a slow watcher never saw.
+  void CountSkippedVersions(std::uint64_t count) {
+    skipped_versions_.Increment(static_cast<double>(count));
+  }
   /// The reference stays valid as long as the Metrics.
   MethodMetrics& AddMethod(const std::string& method);
 
@@ -140,6 +156,7 @@ class Metrics {
   Counters& started_calls_;
   Gauges& active_calls_;
   Counters& call_bytes_;
+  Counters& sent_messages_;
   Histograms& call_seconds_;
   prometheus::Counter& fused_scans_;
   StageTimer scan_seconds_;
@@ -153,6 +170,9 @@ class Metrics {
   std::array<prometheus::Counter*, kNumCellOutcomes> cell_outcomes_{};
   prometheus::Counter& full_tiles_;
   prometheus::Counter& absent_tiles_;
+  prometheus::Counter& not_modified_tiles_;
+  prometheus::Counter& key_only_tiles_;
+  prometheus::Counter& skipped_versions_;
   prometheus::Counter& published_commits_;
   prometheus::Counter& cancelled_commits_;
   prometheus::Counter& merged_submaps_;

@@ -42,6 +42,9 @@ absl::Status ValidateLimits(const ServerOptions& options) {
   GEM_RETURN_IF_ERROR(InRange("revision_retention_s", options.revision_retention_s, 0.0, 3600.0));
   GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("revision_bytes_max", options.revision_bytes_max, 0,
                                              std::uint64_t{1} << 40));
+  GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("tile_cache_bytes_max", options.tile_cache_bytes_max,
+                                             0, std::uint64_t{1} << 40));
+  GEM_RETURN_IF_ERROR(InRange("readers_max", options.readers_max, 1, 1'000'000));
   GEM_RETURN_IF_ERROR(InRange("local_threads", options.local_threads, 1, kLocalThreadsMax));
   GEM_RETURN_IF_ERROR(InRange("worker_threads", options.worker_threads, 1, 64));
   GEM_RETURN_IF_ERROR(InRange("admin_threads", options.admin_threads, 1, 64));

@@ -90,6 +90,11 @@ struct ServerOptions {
   /// Bytes of what only such replaced revisions hold, a map; then the oldest is forgotten early. A
   /// correction of the whole map replaces every tile: half a megabyte each. Range [0, 2^40].
   std::uint64_t revision_bytes_max = 256u << 20;
+  /// Encoded tiles and local maps that are kept for whoever asks next, bytes. Range [0, 2^40].
+  std::uint64_t tile_cache_bytes_max = 128u << 20;
+  /// Streams to readers at once: WatchTiles, StreamTiles, WatchLocalMap. One that does not read
+  /// holds some hundred kilobytes. Range [1, 1e6].
+  int readers_max = 1000;
   /// Threads that encode tiles and convert corrections. Range [1, 64].
   int worker_threads = 2;
   /// Requests that wait for those threads, and for the next ones. Range [1, 1e6].

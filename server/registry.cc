@@ -42,14 +42,16 @@ wire::PoseCovariance DefaultCovariance(const ServerOptions& options) {
           rotation * rotation * Eigen::Matrix3d::Identity()};
 }
 
-MapActorOptions MapActorOptionsOf(const ServerOptions& options) {
+MapActorOptions MapActorOptionsOf(const ServerOptions& options, NewsListener* news) {
   return {options.publish_hz,
           options.sessions_per_map_max,
           options.finished_submaps_waiting_max,
           options.corrections_waiting_max,
           options.request_ids_max,
           options.commit_restarts_max,
-          {.retention_s = options.revision_retention_s, .bytes_max = options.revision_bytes_max}};
+          {.retention_s = options.revision_retention_s,
+           .bytes_max = options.revision_bytes_max,
+           .listener = news}};
 }
 
 SessionActorOptions SessionActorOptionsOf(const ServerOptions& options) {
@@ -59,9 +61,11 @@ SessionActorOptions SessionActorOptionsOf(const ServerOptions& options) {
 
 }  // namespace
 
-Registry::Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& metrics)
+Registry::Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& metrics,
+                   NewsListener* news)
     : options_(options),
       metrics_(metrics),
+      news_(news),
       next_epoch_(epoch),
       made_(static_cast<std::size_t>(options.request_ids_max)),
       deleted_(static_cast<std::size_t>(options.request_ids_max)),
@@ -122,13 +126,11 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::AddSessionLocked(
   if (absl::IsAlreadyExists(added)) return HasEnded(setup.session);
   GEM_RETURN_IF_ERROR(added);
   maps_.try_emplace(setup.map, *map);
-  auto session = std::make_shared<SessionActor>(std::move(config), *map,
+  auto session = std::make_shared<SessionActor>(std::move(config), *map, FeedOfLocked(setup.robot),
                                                 SessionActorOptionsOf(options_), metrics_);
   sessions_[SessionKey(setup.map, setup.session)] = session;
   by_age_.push_back(session);
-  std::shared_ptr<SessionActor>& newest = robots_[setup.robot];
-  if (newest != nullptr && !newest->active()) newest->DropLocalMap();
-  newest = session;
+  robots_[setup.robot] = session;
   spdlog::info("session {} of robot {} opened in map {}", setup.session, setup.robot, setup.map);
   return session;
 }
@@ -151,8 +153,18 @@ absl::StatusOr<std::shared_ptr<MapActor>> Registry::MakeMapLocked(const std::str
   const GlobalMapOptions map_options = setup.Over(options_.map);
   if (const absl::Status status = Validate(map_options); !status.ok())
     return UnderRequest(status, "map.", field);
-  return std::make_shared<MapActor>(map, map_options, next_epoch_++, MapActorOptionsOf(options_),
-                                    metrics_);
+  return std::make_shared<MapActor>(map, map_options, next_epoch_++,
+                                    MapActorOptionsOf(options_, news_), metrics_);
+}
+
+std::shared_ptr<LocalMapFeed> Registry::FeedOfLocked(const std::string& robot) {
+  // Of robots that are forgotten and not watched; not with every session.
+  if (feeds_.size() > 2 * robots_.size() + 64)
+    absl::erase_if(feeds_, [](const auto& entry) { return entry.second.expired(); });
+  std::weak_ptr<LocalMapFeed>& known = feeds_[robot];
+  std::shared_ptr<LocalMapFeed> feed = known.lock();
+  if (feed == nullptr) known = feed = std::make_shared<LocalMapFeed>(news_);
+  return feed;
 }
 
 absl::StatusOr<std::shared_ptr<MapActor>> Registry::CreateMap(const std::string& map,
@@ -287,6 +299,13 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::FindRobot(const std::str
   return wire::WithField(
       absl::NotFoundError(absl::StrCat("robot is ", robot, ", want a robot that had a session")),
       "robot");
+}
+
+absl::StatusOr<std::shared_ptr<const LocalMapFeed>> Registry::FindLocalMaps(
+    const std::string& robot) const {
+  const absl::StatusOr<std::shared_ptr<SessionActor>> session = FindRobot(robot);
+  if (!session.ok()) return session.status();
+  return (*session)->feed();
 }
 
 std::vector<std::shared_ptr<MapActor>> Registry::Maps() const {

@@ -15,6 +15,7 @@
 #include "core/base/mutex.h"
 #include "proto/wire/session_setup.h"
 #include "server/answer_memory.h"
+#include "server/local_map_feed.h"
 #include "server/map_actor.h"
 #include "server/metrics.h"
 #include "server/options.h"
@@ -25,8 +26,10 @@ namespace gem {
 class Registry {
  public:
   /// options are valid. epoch: of the first map that is made; each one after it has the next, so
-  /// that a map that is made again under an id is not taken for the one before.
-  Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& metrics);
+  /// that a map that is made again under an id is not taken for the one before. news: hears of new
+  /// revisions and local maps, outlives the registry; may be null.
+  Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& metrics,
+           NewsListener* news = nullptr);
   ~Registry();
 
   /// The session, new or one to be resumed; the map is created if there is none. An error names the
@@ -53,6 +56,8 @@ class Registry {
   absl::StatusOr<std::shared_ptr<MapActor>> FindMap(const std::string& map) const;
   /// The robot's newest session. NOT_FOUND names the field "robot".
   absl::StatusOr<std::shared_ptr<SessionActor>> FindRobot(const std::string& robot) const;
+  /// The local maps of a robot that had a session. NOT_FOUND names the field "robot".
+  absl::StatusOr<std::shared_ptr<const LocalMapFeed>> FindLocalMaps(const std::string& robot) const;
   /// By id.
   std::vector<std::shared_ptr<MapActor>> Maps() const;
   /// Newest first, ended ones included while they are kept.
@@ -75,6 +80,8 @@ class Registry {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<SessionActor>> AddSessionLocked(const wire::SessionSetup& setup)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::shared_ptr<LocalMapFeed> FeedOfLocked(const std::string& robot)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Takes the ended sessions that are too many out of the books.
   std::vector<std::shared_ptr<SessionActor>> ForgetEndedLocked()
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -88,12 +95,15 @@ class Registry {
   // Constant after construction.
   const ServerOptions options_;
   Metrics& metrics_;
+  NewsListener* const news_;
 
   mutable Mutex mutex_;
   absl::btree_map<std::string, std::shared_ptr<MapActor>> maps_ ABSL_GUARDED_BY(mutex_);
   absl::flat_hash_map<SessionKey, std::shared_ptr<SessionActor>> sessions_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::shared_ptr<SessionActor>> by_age_ ABSL_GUARDED_BY(mutex_);  ///< oldest first
   absl::flat_hash_map<std::string, std::shared_ptr<SessionActor>> robots_ ABSL_GUARDED_BY(mutex_);
+  /// By robot; held by sessions, and by those who watch and wait for the next one.
+  absl::flat_hash_map<std::string, std::weak_ptr<LocalMapFeed>> feeds_ ABSL_GUARDED_BY(mutex_);
   std::uint64_t next_epoch_ ABSL_GUARDED_BY(mutex_);
   AnswerMemory<std::uint64_t> made_ ABSL_GUARDED_BY(mutex_);     ///< epochs of maps, by request
   AnswerMemory<std::uint64_t> deleted_ ABSL_GUARDED_BY(mutex_);  ///< the same

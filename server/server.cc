@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/call_guard.h"
+#include "server/encoded_cache.h"
 #include "server/ingest_service.h"
 #include "server/live_collector.h"
 #include "server/map_service.h"
@@ -20,6 +21,7 @@
 #include "server/registry.h"
 #include "server/terrain_service.h"
 #include "server/tile_service.h"
+#include "server/turn_scheduler.h"
 #include "server/worker_pool.h"
 #include "spdlog/spdlog.h"
 
@@ -62,16 +64,18 @@ std::uint64_t EpochNow() {
 struct Server::Impl {
   explicit Impl(const ServerOptions& server_options)
       : options(server_options),
-        registry(options, EpochNow(), metrics),
         pool(options.worker_threads, options.worker_queue_max),
         admin_pool(options.admin_threads, options.worker_queue_max),
+        readers(pool, options.readers_max, options.worker_threads),
+        tile_cache(options.tile_cache_bytes_max),
+        registry(options, EpochNow(), metrics, &readers),
         guard(pool),
         admin_guard(admin_pool),
         ingest_service(registry, options, metrics, guard),
-        tile_service(registry, metrics, guard),
+        tile_service(registry, tile_cache, readers, metrics, guard),
         map_service(registry, options, metrics, guard, admin_guard),
         terrain_service(registry, metrics, guard),
-        live_collector(std::make_shared<LiveCollector>(registry)),
+        live_collector(std::make_shared<LiveCollector>(registry, readers, tile_cache)),
         process_collector(std::make_shared<ProcessCollector>()) {}
 
   absl::Status ListenForMetrics() {
@@ -122,6 +126,7 @@ struct Server::Impl {
     // Shutdown() does not tell reactors: they are finished first, or it would wait for its
     // deadline.
     ingest_service.DrainAll();
+    readers.Stop();
     registry.Stop();
     server->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server->Wait();
@@ -138,9 +143,11 @@ struct Server::Impl {
 
   // Destroyed from the last to the first: nobody refers to what is gone.
   Metrics metrics;
-  Registry registry;
   WorkerPool pool;
   WorkerPool admin_pool;
+  TurnScheduler readers;
+  EncodedCache tile_cache;
+  Registry registry;
   CallGuard guard;
   CallGuard admin_guard;
   IngestService ingest_service;

@@ -22,9 +22,12 @@ IngestProblem ProblemOf(std::uint64_t seq, const absl::Status& status) {
 }  // namespace
 
 SessionActor::SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
-                           const SessionActorOptions& options, Metrics& metrics)
+                           std::shared_ptr<LocalMapFeed> feed, const SessionActorOptions& options,
+                           Metrics& metrics)
     : config_(std::move(config)),
       map_(std::move(map)),
+      feed_(std::move(feed)),
+      feed_ticket_(feed_->Begin({config_.setup.session, map_, config_.setup.T_G_O})),
       options_(options),
       metrics_(metrics),
       mailbox_(std::make_shared<SessionMailbox>(options.queue_bytes_max)),
@@ -33,16 +36,6 @@ SessionActor::SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
 SessionActor::~SessionActor() {
   Stop();
   Join();
-}
-
-std::shared_ptr<const LocalMap> SessionActor::local_map() const {
-  MutexLock lock(mutex_);
-  return local_map_;
-}
-
-void SessionActor::DropLocalMap() {
-  MutexLock lock(mutex_);
-  local_map_ = nullptr;
 }
 
 void SessionActor::Stop() { mailbox_->Stop(); }
@@ -201,11 +194,10 @@ void SessionActor::Fuse(SessionMapper& mapper, SessionMapper::HeldScan& held,
 }
 
 void SessionActor::PublishLocalMap(const SessionMapper& mapper) {
-  std::shared_ptr<const LocalMap> copy = mapper.CopyLocalMap();
+  local_map_ = mapper.CopyLocalMap();
   last_local_publish_ = Clock::now();
   local_map_is_old_ = false;
-  MutexLock lock(mutex_);
-  local_map_ = std::move(copy);
+  feed_->Publish(feed_ticket_, local_map_);
 }
 
 void SessionActor::PublishWhatIsDue(SessionMapper& mapper) {
@@ -214,13 +206,14 @@ void SessionActor::PublishWhatIsDue(SessionMapper& mapper) {
   // must not be missing from one because it has gone over to the other.
   if (!mapper.has_finished_submaps() && !(map_is_old_ && due)) return;
   if (local_map_is_old_) PublishLocalMap(mapper);
-  map_->Update(config_.setup.session, mapper.TakeUpdate(local_map()), nullptr);
+  map_->Update(config_.setup.session, mapper.TakeUpdate(local_map_), nullptr);
   last_publish_ = Clock::now();
   map_is_old_ = false;
 }
 
 void SessionActor::End(SessionMapper& mapper) {
   if (local_map_is_old_) PublishLocalMap(mapper);
+  local_map_ = nullptr;
   const SessionEnd counts{{}, num_scans_fused(), num_scans_refused(), num_not_deskewed_};
   active_.store(false, std::memory_order_release);
   spdlog::info("session {} of robot {} ended: {} scans fused, {} refused", config_.setup.session,

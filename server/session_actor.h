@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "core/base/mutex.h"
+#include "server/local_map_feed.h"
 #include "server/map_actor.h"
 #include "server/metrics.h"
 #include "server/session_mailbox.h"
@@ -31,7 +32,8 @@ class SessionActor {
  public:
   /// The map knows the session. config is valid.
   SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
-               const SessionActorOptions& options, Metrics& metrics);
+               std::shared_ptr<LocalMapFeed> feed, const SessionActorOptions& options,
+               Metrics& metrics);
   ~SessionActor();
   SessionActor(const SessionActor&) = delete;
   SessionActor& operator=(const SessionActor&) = delete;
@@ -43,10 +45,8 @@ class SessionActor {
   bool Enqueue(const IngestSink* sink, IngestMessage message);
   const SessionMailbox& mailbox() const { return *mailbox_; }
 
-  /// The newest local map; null before the first scan. Stays when the session ends.
-  std::shared_ptr<const LocalMap> local_map() const;
-  /// Forgets the local map of a session whose robot has a newer one.
-  void DropLocalMap();
+  /// Where the session's local maps go; of its robot. The last one stays when the session ends.
+  const std::shared_ptr<LocalMapFeed>& feed() const { return feed_; }
 
   /// False once the session has ended.
   bool active() const { return active_.load(std::memory_order_acquire); }
@@ -86,6 +86,8 @@ class SessionActor {
   // Constant after construction.
   const SessionConfig config_;
   const std::shared_ptr<MapActor> map_;
+  const std::shared_ptr<LocalMapFeed> feed_;
+  const std::uint64_t feed_ticket_;
   const SessionActorOptions options_;
   Metrics& metrics_;
   /// Shared: what a finished call or a publication still refers to.
@@ -106,15 +108,13 @@ class SessionActor {
   std::uint64_t num_not_deskewed_ = 0;
   Clock::time_point last_local_publish_;
   Clock::time_point last_publish_;
+  std::shared_ptr<const LocalMap> local_map_;  ///< the last copy; null before the first scan
   bool local_map_is_old_ = false;
   bool map_is_old_ = false;
 
   std::atomic<bool> active_{true};
   std::atomic<std::uint64_t> num_fused_{0};
   std::atomic<std::uint64_t> num_refused_{0};
-
-  mutable Mutex mutex_;
-  std::shared_ptr<const LocalMap> local_map_ ABSL_GUARDED_BY(mutex_);
 
   std::thread thread_;
 };

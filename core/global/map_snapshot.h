@@ -27,6 +27,8 @@ struct Tile {
   std::vector<CellBelief> cells;  ///< kTileCells * kTileCells
 };
 
+inline TileAddress AddressOf(const Tile& tile) { return {tile.level, tile.index}; }
+
 using TileMap = absl::flat_hash_map<TileIndex, std::shared_ptr<const Tile>>;
 
 /// A submap as readers see it.

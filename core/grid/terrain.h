@@ -9,15 +9,9 @@
 #include <vector>
 
 #include "core/grid/map_version.h"
+#include "core/grid/region.h"
 
 namespace gem {
-
-/// A place in the x-y plane of G.
-struct Place {
-  double x_m = 0;
-  double y_m = 0;
-  friend bool operator==(const Place&, const Place&) = default;
-};
 
 /// From best to worst. Neither unknown nor known of height only is ever to be taken for free.
 enum class GroundState : std::uint8_t { kFree, kHeightOnly, kUnknown, kObstacle };

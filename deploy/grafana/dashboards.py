@@ -14,6 +14,8 @@ FOLDER = pathlib.Path(__file__).parent / "dashboards"
 DATASOURCE = {"type": "prometheus", "uid": "${datasource}"}
 GRID_COLUMNS = 24
 OBJECTIVE = 0.99
+STREAMS = 'method=~"WatchTiles|StreamTiles|WatchLocalMap"'
+TILES = 'method=~"BatchGetTiles|WatchTiles|StreamTiles"'
 READS = 'method=~"BatchGetTiles|GetLocalMap|GetTileMatrix"'
 
 
@@ -261,11 +263,12 @@ def global_map():
 def tiles():
     reads = ("BatchGetTiles", "GetTileMatrix", "GetLocalMap")
     yield row("Tiles")
-    yield graph("Tiles", "absent: without known cells.", "cps",
+    yield graph("Tiles", "absent: without known cells. not_modified: the client had it. key_only: no cells asked for.",
+                "cps",
                 ("{{outcome}}", total(rate("gem_tiles_served_total"), "outcome")), stacked=True)
     yield graph("Bytes a tile", "All layers that were asked for.", "bytes",
                 ("bytes", "%s / %s" % (
-                    total(rate("gem_rpc_bytes_total", 'method="BatchGetTiles"', 'direction="sent"')),
+                    total(rate("gem_rpc_bytes_total", TILES, 'direction="sent"')),
                     total(rate("gem_tiles_served_total", 'outcome="full"')))))
     yield graph("Sent", "Bytes of answers by method.", "Bps",
                 ("{{method}}", total(rate("gem_rpc_bytes_total", 'direction="sent"'), "method")), stacked=True)
@@ -279,6 +282,28 @@ def tiles():
                 ("within 5 ms", "%s / %s" % (
                     total(rate("gem_rpc_seconds_bucket", 'method="BatchGetTiles"', 'le="0.005"')),
                     total(rate("gem_rpc_seconds_count", 'method="BatchGetTiles"')))), max=1)
+    yield row("Streams to readers")
+    yield graph("Streams", "WatchTiles, StreamTiles, WatchLocalMap; readers_max is the limit.", "short",
+                ("{{method}}", total(of("gem_rpc_active_calls", STREAMS), "method")), stacked=True)
+    yield graph("Messages", "Parts of changes, and local maps.", "cps",
+                ("{{method}}", total(rate("gem_rpc_sent_messages_total", STREAMS), "method")), stacked=True)
+    yield graph("Lag of the slowest", "Age of the oldest published change that some stream has not told its reader.", "s",
+                ("{{instance}}", of("gem_watch_lag_seconds")))
+    yield graph("Skipped versions", "Published, but replaced before a slow reader could take them.", "cps",
+                ("skipped", total(rate("gem_watch_skipped_total"))))
+    yield graph("Kept revisions", "Replaced ones that readers may still ask for.", "short",
+                ("{{map}}", total(of_map("gem_replaced_revisions"), "map")))
+    yield graph("Memory of kept revisions", "What only they hold; revision_bytes_max is the limit of each map.", "bytes",
+                ("{{map}}", total(of_map("gem_replaced_revision_bytes"), "map")))
+    yield row("Encoded tiles that are kept")
+    yield graph("Hits", "Share of tiles and local maps that were encoded already.", "percentunit",
+                ("hits", "%s / %s" % (total(rate("gem_tile_cache_requests_total", 'result="hit"')),
+                                      total(rate("gem_tile_cache_requests_total")))), max=1)
+    yield graph("Memory", "tile_cache_bytes_max is the limit.", "bytes",
+                ("{{instance}}", of("gem_tile_cache_bytes")))
+    yield graph("Evictions and late reads", "expired: a pinned version was not kept any more.", "cps",
+                ("evicted", total(rate("gem_tile_cache_evictions_total"))),
+                ("expired", total(rate("gem_expired_reads_total"))))
     yield row("All calls")
     yield graph("Calls that ended", "By method.", "reqps", ("{{method}}", total(rate("gem_rpc_total"), "method")))
     yield graph("In progress", "Calls and streams.", "short",

@@ -94,23 +94,26 @@ void ToProto(const MapVersion& version, v1::MapVersion* proto) {
 
 MapVersion FromProto(const v1::MapVersion& proto) { return {proto.epoch(), proto.revision()}; }
 
-void ToProto(const TileAddress& tile, v1::TileKey* proto) {
-  proto->set_level(static_cast<std::uint32_t>(tile.level));
-  proto->set_x(tile.index.x);
-  proto->set_y(tile.index.y);
+void ToProto(const TileAddress& address, v1::TileKey* proto) {
+  proto->set_level(static_cast<std::uint32_t>(address.level));
+  proto->set_x(address.index.x);
+  proto->set_y(address.index.y);
+}
+
+absl::StatusOr<int> LevelFromProto(std::uint32_t level, const FieldPath& field) {
+  if (level <= static_cast<std::uint32_t>(kLevelMax)) return static_cast<int>(level);
+  return Refuse(field, absl::StrCat(level), absl::StrCat("0 to ", kLevelMax));
 }
 
 absl::StatusOr<TileAddress> FromProto(const v1::TileKey& proto, const FieldPath& field) {
-  if (proto.level() > static_cast<std::uint32_t>(kLevelMax))
-    return Refuse(field.Child("level"), absl::StrCat(proto.level()),
-                  absl::StrCat("0 to ", kLevelMax));
+  GEM_ASSIGN_OR_RETURN(const int level, LevelFromProto(proto.level(), field.Child("level")));
   if (proto.x() < -kTileIndexMax || proto.x() > kTileIndexMax)
     return Refuse(field.Child("x"), absl::StrCat(proto.x()),
                   absl::StrCat("at most ", kTileIndexMax, " in magnitude"));
   if (proto.y() < -kTileIndexMax || proto.y() > kTileIndexMax)
     return Refuse(field.Child("y"), absl::StrCat(proto.y()),
                   absl::StrCat("at most ", kTileIndexMax, " in magnitude"));
-  return TileAddress{static_cast<int>(proto.level()), {proto.x(), proto.y()}};
+  return TileAddress{level, {proto.x(), proto.y()}};
 }
 
 LayeredGrid GridOf(const Tile& tile, float cell_size_m, std::span<const Layer> layers) {
@@ -188,12 +191,13 @@ LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers) {
 
 void ToProto(const Tile& tile, float cell_size_m, std::span<const Layer> layers,
              CellEncoding encoding, v1::Tile* proto) {
-  ToProto(TileAddress{tile.level, tile.index}, proto->mutable_key());
+  ToProto(AddressOf(tile), proto->mutable_key());
   ToProto(tile.version, proto->mutable_version());
   ToProto(GridOf(tile, cell_size_m, layers), encoding, proto->mutable_grid());
 }
 
-absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field) {
+absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field,
+                                      bool keys_only) {
   DecodedTile tile;
   GEM_ASSIGN_OR_RETURN(tile.address, FromProto(proto.key(), field.Child("key")));
   tile.version = FromProto(proto.version());
@@ -216,6 +220,8 @@ absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& fi
       tile.not_modified = true;
       break;
     case v1::Tile::CONTENT_NOT_SET:
+      tile.key_only = keys_only;
+      if (keys_only) break;
       return Refuse(field.Child("content"), "unset", "a grid, absent or not_modified");
   }
   return tile;
@@ -223,11 +229,15 @@ absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& fi
 
 void ToProto(const LocalMap& map, const LocalMapContext& context, std::span<const Layer> layers,
              CellEncoding encoding, v1::LocalMap* proto) {
+  HeadToProto(map, context, proto);
+  ToProto(GridOf(map, layers), encoding, proto->mutable_grid());
+}
+
+void HeadToProto(const LocalMap& map, const LocalMapContext& context, v1::LocalMap* proto) {
   proto->set_stamp_ns(map.stamp_ns);
   proto->set_seq(map.seq);
   proto->set_origin_cell_x(map.origin.x);
   proto->set_origin_cell_y(map.origin.y);
-  ToProto(GridOf(map, layers), encoding, proto->mutable_grid());
   ToProto(map.T_O_B, proto->mutable_odom_from_base());
   ToProto(context.T_G_O, proto->mutable_map_from_odom());
   proto->set_session(context.session);

@@ -31,9 +31,11 @@ const std::vector<Layer>& LocalMapLayers();
 void ToProto(const MapVersion& version, v1::MapVersion* proto);
 MapVersion FromProto(const v1::MapVersion& proto);
 
-void ToProto(const TileAddress& tile, v1::TileKey* proto);
-/// Levels up to kLevelMax, and |x|, |y| at most 2^23, so that the cell indices fit 32 bits.
+void ToProto(const TileAddress& address, v1::TileKey* proto);
+/// Level 0 to kLevelMax, and |x|, |y| at most 2^23, so that the cell indices fit 32 bits.
 absl::StatusOr<TileAddress> FromProto(const v1::TileKey& proto, const FieldPath& field);
+/// A level that stands alone: 0 to kLevelMax.
+absl::StatusOr<int> LevelFromProto(std::uint32_t level, const FieldPath& field);
 
 /// The cells of a tile by layers. cell_size_m: of level 0. Ages count back from the newest
 /// observation in the tile, so that a tile that stays as it is has the same ages for ever.
@@ -45,15 +47,18 @@ LayeredGrid GridOf(const LocalMap& map, std::span<const Layer> layers);
 void ToProto(const Tile& tile, float cell_size_m, std::span<const Layer> layers,
              CellEncoding encoding, v1::Tile* proto);
 
-/// A tile as a client sees it. No grid: absent, unless it is not_modified.
+/// A tile as a client sees it. No grid: absent, unless it is not_modified or key_only.
 struct DecodedTile {
   TileAddress address;
   MapVersion version;
   std::uint64_t etag = 0;  ///< 0: the server sent none
   bool not_modified = false;
+  bool key_only = false;  ///< there are cells, but they were not asked for
   std::optional<LayeredGrid> grid;
 };
-absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field);
+/// keys_only: tiles without any content are legal.
+absl::StatusOr<DecodedTile> FromProto(const v1::Tile& proto, const FieldPath& field,
+                                      bool keys_only = false);
 
 /// What a local map comes with.
 struct LocalMapContext {
@@ -75,6 +80,8 @@ struct DecodedLocalMap {
   float traversability_free = 0;
 };
 absl::StatusOr<DecodedLocalMap> FromProto(const v1::LocalMap& proto, const FieldPath& field);
+/// All but the grid.
+void HeadToProto(const LocalMap& map, const LocalMapContext& context, v1::LocalMap* proto);
 
 void ToProto(const SubmapInfo& submap, v1::Submap* proto);
 

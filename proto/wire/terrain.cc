@@ -7,6 +7,7 @@
 #include "core/grid/cell_index.h"
 #include "gem/v1/terrain_service.pb.h"
 #include "proto/wire/refusal.h"
+#include "proto/wire/region.h"
 #include "proto/wire/scalar.h"
 
 namespace gem::wire {
@@ -17,18 +18,6 @@ absl::Status CheckWithin(double value, double magnitude_max, const FieldPath& fi
   return Refuse(field, value, absl::StrCat("at most ", magnitude_max, " in magnitude"));
 }
 
-absl::StatusOr<Place> FromProto(const v1::Position& proto, const FieldPath& field,
-                                double magnitude_m_max = kCoordinateMax_m) {
-  GEM_RETURN_IF_ERROR(CheckWithin(proto.x(), magnitude_m_max, field.Child("x")));
-  GEM_RETURN_IF_ERROR(CheckWithin(proto.y(), magnitude_m_max, field.Child("y")));
-  return Place{proto.x(), proto.y()};
-}
-
-void ToProto(const Place& place, v1::Position* proto) {
-  proto->set_x(place.x_m);
-  proto->set_y(place.y_m);
-}
-
 absl::StatusOr<std::vector<Place>> PlacesFromProto(
     const google::protobuf::RepeatedPtrField<v1::Position>& proto, std::size_t places_max,
     const FieldPath& field) {
@@ -37,7 +26,7 @@ absl::StatusOr<std::vector<Place>> PlacesFromProto(
   std::vector<Place> places;
   places.reserve(static_cast<std::size_t>(proto.size()));
   for (const v1::Position& position : proto) {
-    GEM_ASSIGN_OR_RETURN(const Place place, FromProto(position, field.At(places.size())));
+    GEM_ASSIGN_OR_RETURN(const Place place, wire::FromProto(position, field.At(places.size())));
     places.push_back(place);
   }
   return places;
@@ -133,7 +122,7 @@ absl::StatusOr<GroundSample> FromProto(const v1::GroundSample& proto, const Fiel
 
 void ToProto(const PathSample& sample, v1::PathSample* proto) {
   proto->set_distance_m(sample.distance_m);
-  ToProto(sample.position, proto->mutable_position());
+  wire::ToProto(sample.position, proto->mutable_position());
   ToProto(sample.ground, proto->mutable_ground());
   proto->set_worst(ToProto(sample.worst));
   proto->set_traversability_min(sample.traversability_min);

@@ -78,6 +78,9 @@ TEST(Tile, AbsentIsNoGrid) {
   EXPECT_THAT(
       FromProto(proto, FieldPath("tile")),
       Refused("tile.content", "tile.content is unset, want a grid, absent or not_modified"));
+  const auto key = FromProto(proto, FieldPath("tile"), /*keys_only=*/true);
+  ASSERT_TRUE(key.ok()) << key.status();
+  EXPECT_TRUE(key->key_only);
   proto.set_absent(true);
   const auto tile = FromProto(proto, FieldPath("tile"));
   ASSERT_TRUE(tile.ok()) << tile.status();

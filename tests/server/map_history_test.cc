@@ -6,49 +6,19 @@
 
 #include "proto/wire/refusal.h"
 #include "server/error_reason.h"
+#include "tests/server/made_maps.h"
 
 namespace gem {
 namespace {
 
+using test::AtSeconds;
+using test::kEpoch;
 using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::UnorderedElementsAre;
 
-constexpr std::uint64_t kEpoch = 7;
 /// Bytes of a tile's cells.
 constexpr std::uint64_t kTileBytes = kTileCells * kTileCells * sizeof(CellBelief);
-
-Clock::time_point At(double seconds) {
-  return Clock::time_point(std::chrono::nanoseconds(static_cast<std::int64_t>(seconds * 1e9)));
-}
-
-/// Makes snapshots one after the other, like a mapper that changes single tiles.
-class Maps {
- public:
-  std::shared_ptr<const MapSnapshot> Next(const std::vector<TileIndex>& changed,
-                                          const std::vector<TileIndex>& gone = {}) {
-    ++version_.revision;
-    for (const TileIndex index : changed) {
-      auto tile = std::make_shared<Tile>();
-      tile->index = index;
-      tile->version = version_;
-      tile->cells.resize(kTileCells * kTileCells);
-      tiles_[index] = std::move(tile);
-    }
-    for (const TileIndex index : gone) tiles_.erase(index);
-    return Current();
-  }
-  std::shared_ptr<const MapSnapshot> Current() const {
-    auto snapshot = std::make_shared<MapSnapshot>();
-    snapshot->version = version_;
-    snapshot->tiles = tiles_;
-    return snapshot;
-  }
-
- private:
-  MapVersion version_{kEpoch, 0};
-  TileMap tiles_;
-};
 
 class History : public testing::Test {
  protected:
@@ -56,11 +26,11 @@ class History : public testing::Test {
 
   void Publish(double now_s, const std::vector<TileIndex>& changed,
                const std::vector<TileIndex>& gone = {}) {
-    history_.Publish(maps_.Next(changed, gone), At(now_s));
-    history_.Trim(At(now_s));
+    history_.Publish(maps_.Next(changed, gone), AtSeconds(now_s));
+    history_.Trim(AtSeconds(now_s));
   }
   absl::Status StatusAt(MapVersion version, double now_s) const {
-    return history_.At(version, At(now_s)).status();
+    return history_.At(version, AtSeconds(now_s)).status();
   }
   std::vector<TileIndex> ChangesAfter(std::uint64_t revision) const {
     const TileChanges changes = history_.ChangesAfter(MapVersion{kEpoch, revision}, 0, {});
@@ -68,7 +38,7 @@ class History : public testing::Test {
     return changes.tiles;
   }
 
-  Maps maps_;
+  test::MadeMaps maps_;
   MapHistory history_;
 };
 
@@ -76,10 +46,10 @@ TEST_F(History, KeepsARevisionForAWhileAfterItIsReplaced) {
   Publish(0, {{0, 0}});
   Publish(100, {{0, 0}});
   // Revision 1 was the newest until 100 s: it can be read until 130 s.
-  const auto first = history_.At({kEpoch, 1}, At(129.9));
+  const auto first = history_.At({kEpoch, 1}, AtSeconds(129.9));
   ASSERT_TRUE(first.ok()) << first.status();
   EXPECT_EQ((*first)->version.revision, 1u);
-  EXPECT_EQ((*history_.At({kEpoch, 2}, At(1e6)))->version.revision, 2u);
+  EXPECT_EQ((*history_.At({kEpoch, 2}, AtSeconds(1e6)))->version.revision, 2u);
   const absl::Status expired = StatusAt({kEpoch, 1}, 130);
   EXPECT_EQ(expired.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(ErrorReasonOf(expired), "REVISION_EXPIRED");
@@ -93,9 +63,9 @@ TEST_F(History, ForgetsWithoutANewRevisionToo) {
   Publish(0, {{0, 0}});
   Publish(100, {{0, 0}});
   EXPECT_EQ(history_.num_replaced(), 1);
-  EXPECT_EQ(history_.Trim(At(129)), At(130));
+  EXPECT_EQ(history_.Trim(AtSeconds(129)), AtSeconds(130));
   EXPECT_EQ(history_.num_replaced(), 1);
-  EXPECT_EQ(history_.Trim(At(130)), std::nullopt);
+  EXPECT_EQ(history_.Trim(AtSeconds(130)), std::nullopt);
   EXPECT_EQ(history_.num_replaced(), 0);
   EXPECT_EQ(history_.bytes(), 0u);
 }
@@ -135,6 +105,51 @@ TEST_F(NarrowHistory, ForgetsTheOldestEarlyWhenThereAreTooManyBytes) {
   EXPECT_EQ(history_.num_replaced(), 2);
   EXPECT_TRUE(StatusAt({kEpoch, 98}, 1).ok());
   EXPECT_EQ(ErrorReasonOf(StatusAt({kEpoch, 97}, 1)), "REVISION_EXPIRED");
+}
+
+TEST_F(History, RemembersWhenTheFirstNewsCame) {
+  EXPECT_EQ(history_.FirstNewsAfter(0), std::nullopt);
+  Publish(10, {{0, 0}});
+  Publish(50, {{0, 0}});
+  EXPECT_EQ(history_.FirstNewsAfter(0), AtSeconds(10));
+  EXPECT_EQ(history_.FirstNewsAfter(1), AtSeconds(50));
+  EXPECT_EQ(history_.FirstNewsAfter(2), std::nullopt);
+}
+
+TEST_F(History, CountsReadsThatCameTooLate) {
+  Publish(0, {{0, 0}});
+  Publish(100, {{0, 0}});
+  EXPECT_EQ(history_.Find({kEpoch, 1}, AtSeconds(200)), nullptr);
+  EXPECT_EQ(history_.num_expired_reads(), 0u);
+  EXPECT_FALSE(StatusAt({kEpoch, 1}, 200).ok());
+  EXPECT_EQ(history_.num_expired_reads(), 1u);
+}
+
+TEST_F(History, LevelsOfThePyramidAreKeptApart) {
+  history_.Publish(maps_.Next({{0, 0}, {1, 0}}, {}, 2), AtSeconds(0));
+  history_.Publish(maps_.Next({}, {{1, 0}}, 2), AtSeconds(0));
+  EXPECT_THAT(history_.ChangesAfter(MapVersion{kEpoch, 1}, 2, {}).tiles,
+              ElementsAre(TileIndex{1, 0}));
+  EXPECT_THAT(history_.ChangesAfter(MapVersion{kEpoch, 0}, 1, {}).tiles, IsEmpty());
+}
+
+class Counter final : public NewsListener {
+ public:
+  void OnNews(NewsSource source) override { sources.push_back(source); }
+  std::vector<NewsSource> sources;
+};
+
+TEST(HistoryNews, ComesWithEveryRevisionAndWithTheEndOfTheMap) {
+  Counter counter;
+  test::MadeMaps maps;
+  MapHistory history(maps.Current(), {.listener = &counter});
+  history.Publish(maps.Current(), AtSeconds(0));
+  EXPECT_THAT(counter.sources, IsEmpty());
+  history.Publish(maps.Next({{0, 0}}), AtSeconds(0));
+  EXPECT_THAT(counter.sources, ElementsAre(history.source()));
+  history.End(maps.Next({}));
+  EXPECT_TRUE(history.ended());
+  EXPECT_EQ(counter.sources.size(), 2u);
 }
 
 TEST_F(History, ListsWhatChangedAfterARevisionThatIsLongGone) {
@@ -198,7 +213,7 @@ TEST_F(NarrowHistory, CanBeReadWhileItIsWritten) {
     const TileChanges changes = history_.ChangesAfter(MapVersion{kEpoch, last}, 0, {});
     EXPECT_GE(changes.snapshot->version.revision, last);
     last = changes.snapshot->version.revision;
-    const auto snapshot = history_.At(changes.snapshot->version, At(1));
+    const auto snapshot = history_.At(changes.snapshot->version, AtSeconds(1));
     if (!snapshot.ok()) continue;
     EXPECT_EQ((*snapshot)->version.revision, last);
   }
