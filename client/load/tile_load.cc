@@ -30,7 +30,7 @@ std::vector<grpc::ByteBuffer> Requests(const ReadPlan& plan) {
     request.set_map(plan.map);
     // The last batch is filled up from the beginning, so that all are of one size.
     for (std::size_t i = begin; i < begin + step; ++i)
-      wire::ToProto(plan.tiles[i % plan.tiles.size()], request.add_tiles());
+      wire::ToProto({0, plan.tiles[i % plan.tiles.size()]}, request.add_tiles());
     const grpc::Slice slice(request.SerializeAsString());
     requests.emplace_back(&slice, 1);
   }
