@@ -25,6 +25,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Stream = grpc::ClientReaderWriter<v1::IngestRequest, v1::IngestResponse>;
 
+constexpr double kInt16StepMin_m = 1e-5;
+constexpr double kInt16StepMax_m = 1;
 // A server that asks for a longer pause is asked again after this one.
 constexpr double kPauseMax_s = 60;
 // How long a closed stream may take to end by itself.
@@ -83,13 +85,15 @@ class IngestClient::Impl {
 
   absl::Status Send(const OutgoingScan& scan) {
     auto request = std::make_shared<v1::IngestRequest>();
-    GEM_RETURN_IF_ERROR(ToProto(scan, options_.point_encoding, request->mutable_scan()));
-    const std::uint64_t size_bytes = wire::PayloadBytes(request->scan());
-    if (size_bytes > opened_.scan_bytes_max)
+    GEM_RETURN_IF_ERROR(ToProto(scan, options_, request->mutable_scan()));
+    const std::uint64_t plain_bytes = wire::PayloadBytes(request->scan());
+    if (plain_bytes > opened_.scan_bytes_max)
       return absl::InvalidArgumentError(
-          absl::StrCat("the scan has ", size_bytes, " bytes of ",
+          absl::StrCat("the scan has ", plain_bytes, " bytes of ",
                        scan.depth_image ? "depths and colours" : "points",
                        ", the server takes at most ", opened_.scan_bytes_max));
+    Compress(options_.compression, request->mutable_scan());
+    const std::uint64_t size_bytes = wire::PayloadBytes(request->scan());
     MutexLock lock(mutex_);
     GEM_RETURN_IF_ERROR(WaitForRoomLocked([=, this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
       return buffer_.HasRoomForScan(size_bytes);
@@ -420,6 +424,10 @@ IngestClient::~IngestClient() = default;
 absl::StatusOr<std::unique_ptr<IngestClient>> IngestClient::Open(
     std::shared_ptr<const Connection> connection, const SessionSetup& setup,
     IngestOptions options) {
+  if (!(options.int16_step_m >= kInt16StepMin_m && options.int16_step_m <= kInt16StepMax_m))
+    return absl::InvalidArgumentError(absl::StrCat("int16_step_m is ", options.int16_step_m,
+                                                   ", want [", kInt16StepMin_m, ", ",
+                                                   kInt16StepMax_m, "]"));
   auto impl = std::make_unique<Impl>(std::move(connection), setup, std::move(options));
   GEM_RETURN_IF_ERROR(impl->Open());
   return std::unique_ptr<IngestClient>(new IngestClient(std::move(impl)));

@@ -82,7 +82,14 @@ struct OutgoingScan {
 /// How points travel.
 enum class PointEncoding {
   kFloat32,  ///< exact; 12 bytes a point, 16 with colour
-  kInt16,    ///< 6 bytes a point, 10 with colour; in steps of 1 mm, or more beyond 32 m
+  kInt16,    ///< 6 bytes a point, 10 with colour; in steps of int16_step_m, or more far away
+};
+
+/// How the bytes of points and pixels are compressed, without loss.
+enum class ScanCompression {
+  kNone,
+  kZstd,       ///< for what is no LiDAR sweep
+  kDeltaZstd,  ///< points: differences between neighbours first; pixels: like kZstd
 };
 
 /// What the server refused. A refused scan does not end the session.
@@ -105,6 +112,10 @@ struct IngestOptions {
   /// Scans and poses that are kept until they are fused, bytes. One scan always fits.
   std::uint64_t buffer_bytes_max = std::uint64_t{256} << 20;
   PointEncoding point_encoding = PointEncoding::kFloat32;
+  /// How finely kInt16 keeps coordinates, metres. A scan that reaches farther than 32767 steps
+  /// takes coarser ones: at 1 mm beyond 32 m, at 4 mm beyond 131 m. Range [1e-5, 1].
+  double int16_step_m = 1e-3;
+  ScanCompression compression = ScanCompression::kNone;
   /// Called for everything the server refuses, from a thread of the library; must not call back
   /// into the client.
   std::function<void(const IngestProblem&)> on_problem;
@@ -138,7 +149,7 @@ struct SessionClosed {
 /// from any.
 class IngestClient {
  public:
-  /// Opens the session, or goes on with it.
+  /// Opens the session, or goes on with it. INVALID_ARGUMENT for an int16_step_m out of range.
   static absl::StatusOr<std::unique_ptr<IngestClient>> Open(
       std::shared_ptr<const Connection> connection, const SessionSetup& setup,
       IngestOptions options = {});

@@ -17,7 +17,6 @@
 namespace gem::client {
 namespace {
 
-constexpr double kInt16Step_m = 1e-3;
 constexpr double kInt16Max = 32767;
 
 /// The largest magnitude of any coordinate; an error names the first point that is not finite.
@@ -83,7 +82,7 @@ void ToProto(const SessionSetup& setup, v1::OpenSession* proto) {
   wire::ToProto(wire, proto);
 }
 
-absl::Status ToProto(const OutgoingScan& scan, PointEncoding encoding, v1::Scan* proto) {
+absl::Status ToProto(const OutgoingScan& scan, const IngestOptions& options, v1::Scan* proto) {
   proto->set_stamp_ns(scan.stamp_ns);
   proto->set_sensor(scan.sensor);
   if (scan.T_O_B) wire::ToProto(*scan.T_O_B, proto->mutable_odom_from_base());
@@ -93,13 +92,24 @@ absl::Status ToProto(const OutgoingScan& scan, PointEncoding encoding, v1::Scan*
   if (scan.depth_image) return DepthImageToProto(scan, proto);
   GEM_ASSIGN_OR_RETURN(const double extent_m, Extent_m(scan.points));
   GEM_RETURN_IF_ERROR(CheckTimeOffsets(scan));
-  if (encoding == PointEncoding::kFloat32) {
+  if (options.point_encoding == PointEncoding::kFloat32) {
     wire::PointsToProto(scan.points, proto, scan.time_offsets_s);
     return absl::OkStatus();
   }
   // One far point coarsens the whole scan, but never makes it fail.
-  return wire::PointsToProtoInt16(scan.points, std::max(kInt16Step_m, extent_m / kInt16Max), proto,
-                                  scan.time_offsets_s);
+  return wire::PointsToProtoInt16(scan.points, std::max(options.int16_step_m, extent_m / kInt16Max),
+                                  proto, scan.time_offsets_s);
+}
+
+void Compress(ScanCompression compression, v1::Scan* proto) {
+  switch (compression) {
+    case ScanCompression::kNone:
+      return;
+    case ScanCompression::kZstd:
+      return wire::Compress(wire::ScanCompression::kZstd, proto);
+    case ScanCompression::kDeltaZstd:
+      return wire::Compress(wire::ScanCompression::kDeltaZstd, proto);
+  }
 }
 
 IngestProblem FromProto(const v1::ScanProblem& proto) {

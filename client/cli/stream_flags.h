@@ -25,7 +25,7 @@ struct StreamFlags {
   std::string session;  // empty: a new one
   std::string rate = "max";
   std::string correct_at;
-  std::string points = "float32";
+  std::string encoding = "float32";
   std::optional<std::size_t> scans;
   std::optional<float> cell_size_m;
   std::optional<float> submap_length_m;
@@ -54,7 +54,9 @@ absl::StatusOr<CorrectionPlan> ParseCorrectAt(const std::string& text, std::size
 /// Scans a second; nothing for "max".
 absl::StatusOr<std::optional<double>> ParseRate(const std::string& text);
 
-absl::StatusOr<PointEncoding> ParsePointEncoding(const std::string& text);
+/// Sets how points travel. "float32"; "int16": in millimetres; "compact": in steps of 4 mm, like
+/// the recordings of most LiDARs, and compressed.
+absl::Status ParseEncoding(const std::string& text, IngestOptions& options);
 
 /// Everything but the sensors.
 SessionSetup SetupOf(const StreamFlags& flags);

@@ -67,7 +67,7 @@ class StreamRun {
     GEM_ASSIGN_OR_RETURN(plan_, ParseCorrectAt(flags_.correct_at, NumScans()));
     GEM_ASSIGN_OR_RETURN(rate_hz_, ParseRate(flags_.rate));
     IngestOptions options;
-    GEM_ASSIGN_OR_RETURN(options.point_encoding, ParsePointEncoding(flags_.points));
+    GEM_RETURN_IF_ERROR(ParseEncoding(flags_.encoding, options));
     options.on_problem = [this](const IngestProblem& problem) { problems_.Add(problem); };
     sensor_ = source_.noise().along_beam ? "lidar" : "camera";
     setup_.sensors = {{sensor_, source_.T_B_S(), source_.noise()}};

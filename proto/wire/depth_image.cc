@@ -11,6 +11,7 @@
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
 #include "proto/wire/scan.h"
+#include "proto/wire/zstd_frame.h"
 
 namespace gem::wire {
 namespace {
@@ -19,6 +20,7 @@ static_assert(std::endian::native == std::endian::little, "depths are read as th
 
 constexpr std::uint32_t kSidePixels_max = 16384;
 constexpr std::uint32_t kStep_max = 64;
+constexpr std::uint64_t kColorBytes = 3;  ///< of a pixel
 constexpr double kScaleMax_m = 1;
 constexpr double kUsualScale_m = 0.001;
 constexpr double kPrincipalPointMax_px = 1e6;
@@ -82,16 +84,19 @@ std::span<const std::byte> BytesOf(const std::string& bytes) {
   return std::as_bytes(std::span(bytes.data(), bytes.size()));
 }
 
-}  // namespace
+absl::Status CheckTotal(std::uint64_t bytes, const ScanLimits& limits, const FieldPath& field) {
+  if (bytes <= limits.scan_bytes_max) return absl::OkStatus();
+  return Refuse(field, absl::StrCat(bytes, " bytes with rgb"),
+                absl::StrCat("at most ", limits.scan_bytes_max), ProblemReason::kTooLarge);
+}
 
-absl::StatusOr<DepthImage> FromProto(const v1::DepthImage& proto, const ScanLimits& limits,
-                                     const FieldPath& field) {
+std::uint64_t DepthBytesOf(DepthEncoding encoding) {
+  return encoding == DepthEncoding::kUint16 ? 2 : 4;
+}
+
+/// Everything but the pixels.
+absl::StatusOr<DepthImage> CameraFromProto(const v1::DepthImage& proto, const FieldPath& field) {
   DepthImage image;
-  const FieldPath depth_field = field.Child("depth");
-  const std::uint64_t bytes = std::uint64_t{proto.depth().size()} + proto.rgb().size();
-  if (bytes > limits.scan_bytes_max)
-    return Refuse(depth_field, absl::StrCat(bytes, " bytes with rgb"),
-                  absl::StrCat("at most ", limits.scan_bytes_max), ProblemReason::kTooLarge);
   GEM_RETURN_IF_ERROR(CheckSide(proto.width(), field.Child("width")));
   GEM_RETURN_IF_ERROR(CheckSide(proto.height(), field.Child("height")));
   GEM_RETURN_IF_ERROR(
@@ -103,11 +108,6 @@ absl::StatusOr<DepthImage> FromProto(const v1::DepthImage& proto, const ScanLimi
   if (proto.step() > kStep_max)
     return Refuse(field.Child("step"), absl::StrCat(proto.step()),
                   absl::StrCat("0 (means 1) to ", kStep_max));
-  GEM_RETURN_IF_ERROR(CheckBytes(
-      proto.depth().size(), image.encoding == DepthEncoding::kUint16 ? 2 : 4, proto, depth_field));
-  if (!proto.rgb().empty())
-    GEM_RETURN_IF_ERROR(CheckBytes(proto.rgb().size(), 3, proto, field.Child("rgb")));
-
   image.width = proto.width();
   image.height = proto.height();
   image.fx_px = proto.fx();
@@ -115,11 +115,51 @@ absl::StatusOr<DepthImage> FromProto(const v1::DepthImage& proto, const ScanLimi
   image.cx_px = proto.cx();
   image.cy_px = proto.cy();
   image.step = std::max(1u, proto.step());
+  return image;
+}
+
+absl::Status CheckSampled(const DepthImage& image, const ScanLimits& limits,
+                          const FieldPath& field) {
+  if (NumSampledPixels(image) <= limits.points_max) return absl::OkStatus();
+  return Refuse(field, absl::StrCat("an image of ", NumSampledPixels(image), " sampled pixels"),
+                absl::StrCat("at most ", limits.points_max), ProblemReason::kTooLarge);
+}
+
+}  // namespace
+
+absl::StatusOr<DepthImage> FromProto(const v1::DepthImage& proto, const ScanLimits& limits,
+                                     const FieldPath& field) {
+  const FieldPath depth_field = field.Child("depth");
+  GEM_RETURN_IF_ERROR(
+      CheckTotal(std::uint64_t{proto.depth().size()} + proto.rgb().size(), limits, depth_field));
+  GEM_ASSIGN_OR_RETURN(DepthImage image, CameraFromProto(proto, field));
+  GEM_RETURN_IF_ERROR(
+      CheckBytes(proto.depth().size(), DepthBytesOf(image.encoding), proto, depth_field));
+  if (!proto.rgb().empty())
+    GEM_RETURN_IF_ERROR(CheckBytes(proto.rgb().size(), kColorBytes, proto, field.Child("rgb")));
+  GEM_RETURN_IF_ERROR(CheckSampled(image, limits, field));
   image.depth = BytesOf(proto.depth());
   image.rgb = BytesOf(proto.rgb());
-  if (NumSampledPixels(image) > limits.points_max)
-    return Refuse(field, absl::StrCat("an image of ", NumSampledPixels(image), " sampled pixels"),
-                  absl::StrCat("at most ", limits.points_max), ProblemReason::kTooLarge);
+  return image;
+}
+
+absl::StatusOr<DepthImage> FromCompressedProto(const v1::DepthImage& proto,
+                                               const ScanLimits& limits, const FieldPath& field,
+                                               InflatedPixels& pixels) {
+  const FieldPath depth_field = field.Child("depth");
+  GEM_ASSIGN_OR_RETURN(DepthImage image, CameraFromProto(proto, field));
+  const std::uint64_t num_pixels = std::uint64_t{image.width} * image.height;
+  const std::uint64_t depth_bytes = num_pixels * DepthBytesOf(image.encoding);
+  const std::uint64_t rgb_bytes = proto.rgb().empty() ? 0 : num_pixels * kColorBytes;
+  GEM_RETURN_IF_ERROR(CheckTotal(depth_bytes + rgb_bytes, limits, depth_field));
+  GEM_RETURN_IF_ERROR(CheckSampled(image, limits, field));
+  GEM_ASSIGN_OR_RETURN(pixels.depth, Inflated(proto.depth(), depth_bytes, depth_field));
+  pixels.rgb.clear();
+  if (rgb_bytes != 0) {
+    GEM_ASSIGN_OR_RETURN(pixels.rgb, Inflated(proto.rgb(), rgb_bytes, field.Child("rgb")));
+  }
+  image.depth = BytesOf(pixels.depth);
+  image.rgb = BytesOf(pixels.rgb);
   return image;
 }
 

@@ -20,6 +20,8 @@
 #include "proto/wire/pose.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
+#include "proto/wire/scan_codec.h"
+#include "proto/wire/zstd_frame.h"
 
 namespace gem::wire {
 namespace {
@@ -33,6 +35,8 @@ constexpr int kFieldsMax = 16;
 constexpr int kCovarianceValues = 21;
 constexpr float kCovarianceMax = 1e6f;
 constexpr double kScaleMax_m = 1e3;
+/// Higher levels take 3 % less for twice the time.
+constexpr int kZstdLevel = 1;
 
 /// Where one value lies within a point.
 struct Column {
@@ -145,22 +149,69 @@ absl::StatusOr<Layout> LayoutFromProto(const v1::Scan& proto, const FieldPath& f
   return layout;
 }
 
+absl::StatusOr<ScanCompression> CompressionFromProto(const v1::Scan& proto,
+                                                     const FieldPath& field) {
+  switch (proto.compression()) {
+    case v1::SCAN_COMPRESSION_UNSPECIFIED:
+    case v1::SCAN_COMPRESSION_NONE:
+      return ScanCompression::kNone;
+    case v1::SCAN_COMPRESSION_ZSTD:
+      return ScanCompression::kZstd;
+    case v1::SCAN_COMPRESSION_DELTA_ZSTD:
+      if (!proto.has_depth_image()) return ScanCompression::kDeltaZstd;
+      return Refuse(field, "SCAN_COMPRESSION_DELTA_ZSTD",
+                    "SCAN_COMPRESSION_NONE or SCAN_COMPRESSION_ZSTD for a depth image");
+    default:
+      return Refuse(field, absl::StrCat(static_cast<int>(proto.compression())),
+                    "a known compression");
+  }
+}
+
 /// All that can be known of the size without touching the points.
-absl::Status CheckSize(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field) {
+absl::Status CheckSize(const v1::Scan& proto, bool compressed, const ScanLimits& limits,
+                       const FieldPath& field) {
+  const FieldPath points = field.Child("points");
   const std::uint64_t bytes = proto.points().size();
-  if (bytes > limits.scan_bytes_max)
-    return Refuse(field.Child("points"), absl::StrCat(bytes, " bytes"),
-                  absl::StrCat("at most ", limits.scan_bytes_max), ProblemReason::kTooLarge);
-  const FieldPath count = field.Child("point_count");
+  const auto too_large = [&](const std::string& what) {
+    return Refuse(points, what, absl::StrCat("at most ", limits.scan_bytes_max),
+                  ProblemReason::kTooLarge);
+  };
+  if (bytes > limits.scan_bytes_max) return too_large(absl::StrCat(bytes, " bytes"));
   if (proto.point_count() > limits.points_max)
-    return Refuse(count, absl::StrCat(proto.point_count()),
+    return Refuse(field.Child("point_count"), absl::StrCat(proto.point_count()),
                   absl::StrCat("at most ", limits.points_max), ProblemReason::kTooLarge);
   const std::uint64_t wanted = std::uint64_t{proto.point_count()} * proto.point_stride();
+  if (compressed)
+    return wanted <= limits.scan_bytes_max
+               ? absl::OkStatus()
+               : too_large(absl::StrCat(wanted, " bytes before they were compressed"));
   if (bytes != wanted)
-    return Refuse(field.Child("points"), absl::StrCat(bytes, " bytes"),
+    return Refuse(points, absl::StrCat(bytes, " bytes"),
                   absl::StrCat("point_count * point_stride = ", proto.point_count(), " * ",
                                proto.point_stride(), " = ", wanted));
   return absl::OkStatus();
+}
+
+/// Of a layout that fits the stride.
+std::vector<PointColumn> ColumnsOf(const v1::Scan& proto) {
+  std::vector<PointColumn> fields;
+  for (const v1::PointField& field : proto.fields())
+    fields.push_back({field.offset(), WidthOf(field.type())});
+  return ColumnsOf(fields, proto.point_stride());
+}
+
+/// The points as the driver packed them: those of `proto`, or inflated into `buffer`. The layout
+/// was checked.
+absl::StatusOr<absl::string_view> PackedPoints(const v1::Scan& proto, ScanCompression compression,
+                                               const ScanLimits& limits, const FieldPath& field,
+                                               std::string& buffer) {
+  GEM_RETURN_IF_ERROR(CheckSize(proto, compression != ScanCompression::kNone, limits, field));
+  if (compression == ScanCompression::kNone) return absl::string_view(proto.points());
+  const std::size_t bytes = std::size_t{proto.point_count()} * proto.point_stride();
+  GEM_ASSIGN_OR_RETURN(buffer, Inflated(proto.points(), bytes, field.Child("points")));
+  if (compression == ScanCompression::kDeltaZstd)
+    buffer = DecodeDeltas(buffer, proto.point_stride(), ColumnsOf(proto));
+  return absl::string_view(buffer);
 }
 
 template <typename T>
@@ -199,10 +250,10 @@ float LoadTimeOffset_s(const char* point, const Column& column) {
   return Load<float>(point + column.offset);
 }
 
-absl::Status DecodeTimeOffsets(const v1::Scan& proto, const Layout& layout, const FieldPath& field,
-                               std::vector<float>& time_offsets_s) {
-  time_offsets_s.resize(layout.time_offset.present ? proto.point_count() : 0);
-  const char* at = proto.points().data();
+absl::Status DecodeTimeOffsets(absl::string_view packed, const Layout& layout,
+                               const FieldPath& field, std::vector<float>& time_offsets_s) {
+  time_offsets_s.resize(layout.time_offset.present ? packed.size() / layout.stride : 0);
+  const char* at = packed.data();
   for (std::size_t i = 0; i < time_offsets_s.size(); ++i, at += layout.stride) {
     time_offsets_s[i] = LoadTimeOffset_s(at, layout.time_offset);
     if (!(std::abs(time_offsets_s[i]) <= kTimeOffsetMax_s)) [[unlikely]] {  // NaN, too
@@ -255,10 +306,10 @@ void DecodeColors(const char* at, const Layout& layout, std::span<ScanPoint> poi
   }
 }
 
-absl::Status DecodePoints(const v1::Scan& proto, const Layout& layout, const FieldPath& field,
+absl::Status DecodePoints(absl::string_view packed, const Layout& layout, const FieldPath& field,
                           std::vector<ScanPoint>& points) {
-  points.resize(proto.point_count());
-  const char* at = proto.points().data();
+  points.resize(packed.size() / layout.stride);
+  const char* at = packed.data();
   const auto are = [&](v1::PointField::Type type) {
     return std::all_of(layout.xyz.begin(), layout.xyz.end(),
                        [&](const Column& column) { return column.type == type; });
@@ -339,17 +390,26 @@ absl::Status PayloadFromProto(const v1::Scan& proto, const ScanLimits& limits,
                ? Refuse(field.Child("depth_image"), "set and points are, too", "one of the two")
                : Refuse(field.Child("points"), "without a layout and depth_image is unset",
                         "one of the two");
+  GEM_ASSIGN_OR_RETURN(const ScanCompression compression,
+                       CompressionFromProto(proto, field.Child("compression")));
   if (proto.has_depth_image()) {
-    GEM_ASSIGN_OR_RETURN(const DepthImage image,
-                         FromProto(proto.depth_image(), limits, field.Child("depth_image")));
+    const FieldPath image_field = field.Child("depth_image");
+    InflatedPixels pixels;
+    GEM_ASSIGN_OR_RETURN(
+        const DepthImage image,
+        compression == ScanCompression::kNone
+            ? FromProto(proto.depth_image(), limits, image_field)
+            : FromCompressedProto(proto.depth_image(), limits, image_field, pixels));
     Unproject(image, scan.points);
     scan.time_offsets_s.clear();
     return absl::OkStatus();
   }
   GEM_ASSIGN_OR_RETURN(const Layout layout, LayoutFromProto(proto, field));
-  GEM_RETURN_IF_ERROR(CheckSize(proto, limits, field));
-  GEM_RETURN_IF_ERROR(DecodePoints(proto, layout, field, scan.points));
-  return DecodeTimeOffsets(proto, layout, field, scan.time_offsets_s);
+  std::string buffer;
+  GEM_ASSIGN_OR_RETURN(const absl::string_view packed,
+                       PackedPoints(proto, compression, limits, field, buffer));
+  GEM_RETURN_IF_ERROR(DecodePoints(packed, layout, field, scan.points));
+  return DecodeTimeOffsets(packed, layout, field, scan.time_offsets_s);
 }
 
 v1::PointField* AddField(const char* name, std::uint32_t offset, v1::PointField::Type type,
@@ -365,6 +425,7 @@ v1::PointField* AddField(const char* name, std::uint32_t offset, v1::PointField:
 char* ResizePoints(std::size_t num_points, std::uint32_t stride, v1::Scan* proto) {
   proto->set_point_count(static_cast<std::uint32_t>(num_points));
   proto->set_point_stride(stride);
+  proto->clear_compression();
   proto->mutable_points()->resize(num_points * stride);
   return proto->mutable_points()->data();
 }
@@ -472,6 +533,23 @@ absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_
   }
   return absl::OkStatus();
 }
+
+void Compress(ScanCompression compression, v1::Scan* proto) {
+  if (compression == ScanCompression::kNone) return;
+  if (proto->has_depth_image()) {
+    v1::DepthImage* image = proto->mutable_depth_image();
+    image->set_depth(Compressed(image->depth(), kZstdLevel));
+    if (!image->rgb().empty()) image->set_rgb(Compressed(image->rgb(), kZstdLevel));
+    proto->set_compression(v1::SCAN_COMPRESSION_ZSTD);
+    return;
+  }
+  if (compression == ScanCompression::kDeltaZstd)
+    proto->set_points(EncodeDeltas(proto->points(), proto->point_stride(), ColumnsOf(*proto)));
+  proto->set_points(Compressed(proto->points(), kZstdLevel));
+  proto->set_compression(static_cast<v1::ScanCompression>(compression));
+}
+static_assert(static_cast<int>(ScanCompression::kZstd) == v1::SCAN_COMPRESSION_ZSTD);
+static_assert(static_cast<int>(ScanCompression::kDeltaZstd) == v1::SCAN_COMPRESSION_DELTA_ZSTD);
 
 void CovarianceToProto(const PoseCovariance& covariance, v1::Scan* proto) {
   proto->clear_pose_covariance();

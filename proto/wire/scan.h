@@ -25,6 +25,9 @@ struct ScanLimits {
   std::uint32_t points_max = 2'000'000;
 };
 
+/// Numbers of gem.v1.ScanCompression.
+enum class ScanCompression : std::uint8_t { kNone = 1, kZstd = 2, kDeltaZstd = 3 };
+
 /// Covariance of a pose, split as the mappers need it.
 struct PoseCovariance {
   Eigen::Matrix3d translation_m2 = Eigen::Matrix3d::Zero();  ///< in O
@@ -44,22 +47,28 @@ struct DecodedScan {
   std::vector<float> time_offsets_s;
 };
 
-/// What the robot's credit pays for: bytes of points, or of depths and colours.
+/// What the robot's credit pays for: bytes of points, or of depths and colours, as they are sent.
 std::uint64_t PayloadBytes(const v1::Scan& proto);
 
-/// Fills `scan` and reuses its buffers; a depth image is unprojected. On an error, which names the
-/// field and carries a ProblemReason, `scan` is unspecified. Points are finite and within 1e6 m.
+/// Fills `scan` and reuses its buffers; a depth image is unprojected. What is compressed is
+/// inflated only if it will fit the limits, and only to the size that the scan's other fields say.
+/// On an error, which names the field and carries a ProblemReason, `scan` is unspecified. Points
+/// are finite and within 1e6 m.
 absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field,
                        DecodedScan& scan);
 
-/// x, y, z as FLOAT32 and, if any point has a colour, rgba. Sets points, fields, count and stride
-/// only. time_offsets_s: one for each point, or none.
+/// x, y, z as FLOAT32 and, if any point has a colour, rgba. Sets points, fields, count, stride
+/// and that they are not compressed. time_offsets_s: one for each point, or none.
 void PointsToProto(std::span<const ScanPoint> points, v1::Scan* proto,
                    std::span<const float> time_offsets_s = {});
 /// x, y, z as INT16 of the given scale: half of the bytes; the rest as above. INVALID_ARGUMENT for
 /// a point that does not fit.
 absl::Status PointsToProtoInt16(std::span<const ScanPoint> points, double scale_m, v1::Scan* proto,
                                 std::span<const float> time_offsets_s = {});
+
+/// Compresses the points or pixels of a complete scan that is not compressed yet. kDeltaZstd is for
+/// points: a depth image gets kZstd instead.
+void Compress(ScanCompression compression, v1::Scan* proto);
 
 /// 21 values of the upper triangle by rows; the cross terms of rotation and translation are zero.
 void CovarianceToProto(const PoseCovariance& covariance, v1::Scan* proto);

@@ -11,6 +11,7 @@
 
 #include "absl/synchronization/notification.h"
 #include "google/rpc/error_details.pb.h"
+#include "proto/wire/scan.h"
 #include "tests/client/fake_server.h"
 
 namespace gem::client {
@@ -489,6 +490,57 @@ TEST_F(IngestClientTest, SendsHalfOfTheBytesAsInt16) {
   EXPECT_EQ(near.points().substr(0, 2), (std::string{'\xd0', '\x07'}));  // 2000 mm
   EXPECT_DOUBLE_EQ(far.fields(0).scale(), 100.0 / 32767);
   EXPECT_EQ(far.points().substr(0, 2), (std::string{'\xff', '\x7f'}));
+}
+
+TEST_F(IngestClientTest, SendsCompressedScansInTheStepThatWasAskedFor) {
+  v1::Scan scan;
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    AnswerOpen(stream, 0);
+    scan = ReadScan(stream);
+    return AnswerClose(stream, 1);
+  };
+  IngestOptions options = Impatient();
+  options.point_encoding = PointEncoding::kInt16;
+  options.int16_step_m = 4e-3;
+  options.compression = ScanCompression::kDeltaZstd;
+  auto client = Open(options);
+  ASSERT_TRUE(client.ok()) << client.status();
+  const std::vector<ScanPoint> points(1000, {100, -100, 2, 0});
+  ASSERT_TRUE((*client)->Send({17, "lidar", std::nullopt, std::nullopt, points}).ok());
+  ASSERT_TRUE((*client)->Close().ok());
+  EXPECT_EQ(scan.compression(), v1::SCAN_COMPRESSION_DELTA_ZSTD);
+  EXPECT_EQ(scan.fields(0).scale(), 4e-3);
+  EXPECT_LT(scan.points().size(), 100u);
+  wire::DecodedScan decoded;
+  ASSERT_TRUE(wire::FromProto(scan, {}, wire::FieldPath("scan"), decoded).ok());
+  ASSERT_EQ(decoded.points.size(), 1000u);
+  EXPECT_NEAR(decoded.points[999].y_m, -100, 1e-4);
+}
+
+TEST_F(IngestClientTest, BoundsAScanByItsSizeBeforeItIsCompressed) {
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    AnswerOpen(stream, 0, /*credit_bytes=*/1 << 20, /*scan_bytes_max=*/1000);
+    return AnswerClose(stream, 0);
+  };
+  IngestOptions options = Impatient();
+  options.compression = ScanCompression::kDeltaZstd;
+  auto client = Open(options);
+  ASSERT_TRUE(client.ok()) << client.status();
+  const std::vector<ScanPoint> points(100);
+  EXPECT_THAT(
+      std::string((*client)->Send({17, "lidar", std::nullopt, std::nullopt, points}).message()),
+      HasSubstr("1200 bytes of points, the server takes at most 1000"));
+  EXPECT_TRUE((*client)->Close().ok());
+}
+
+TEST_F(IngestClientTest, RefusesAStepThatIsNone) {
+  for (const double step_m : {0.0, -1.0, 1.5, std::numeric_limits<double>::quiet_NaN()}) {
+    IngestOptions options = Impatient();
+    options.int16_step_m = step_m;
+    const auto client = Open(options);
+    EXPECT_TRUE(absl::IsInvalidArgument(client.status()));
+    EXPECT_THAT(std::string(client.status().message()), HasSubstr("int16_step_m is "));
+  }
 }
 
 TEST_F(IngestClientTest, SendsPosesBetweenScansInOrder) {

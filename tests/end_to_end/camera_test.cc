@@ -109,16 +109,16 @@ TEST(Orthophoto, ShowsTheColoursThatTheCameraSaw) {
   const ServerProcess server;
   const ScratchDir scratch;
   WriteRecording(scratch);
-  for (const char* points : {"float32", "int16"}) {
-    SCOPED_TRACE(points);
+  for (const char* encoding : {"float32", "int16", "compact"}) {
+    SCOPED_TRACE(encoding);
     const Finished replay =
         Gem({"replay", "kitti", scratch.File("drive"), "--server", server.address(), "--map",
-             points, "--robot", points, "--local_size_m", "20", "--color_images", "image_2",
-             "--points", points});
+             encoding, "--robot", encoding, "--local_size_m", "20", "--color_images", "image_2",
+             "--encoding", encoding});
     ASSERT_EQ(replay.exit_code, 0) << replay.output;
     // The map's extent is that of the window, so that both pictures have the same layout.
-    ExpectRedAndBlue({"export", "--map", points, "--region", "-10,-10,10,10"}, server, scratch);
-    ExpectRedAndBlue({"local", "--robot", points}, server, scratch);
+    ExpectRedAndBlue({"export", "--map", encoding, "--region", "-10,-10,10,10"}, server, scratch);
+    ExpectRedAndBlue({"local", "--robot", encoding}, server, scratch);
   }
 }
 

@@ -123,8 +123,12 @@ std::vector<std::string> IngestRequestSeeds() {
       {0.6f, 0.1f, -1, 0xff0000ff}, {-0.7f, 0.2f, -0.5f, 0}, {0.1f, 0.9f, -1, 0xff00ff00}};
   wire::PointsToProto(points, scan);
   seeds.push_back(request.SerializeAsString());
-  (void)wire::PointsToProtoInt16(points, 0.001, scan);
-  seeds.push_back(request.SerializeAsString());
+  for (const auto compression : {wire::ScanCompression::kNone, wire::ScanCompression::kZstd,
+                                 wire::ScanCompression::kDeltaZstd}) {
+    (void)wire::PointsToProtoInt16(points, 0.001, scan);
+    wire::Compress(compression, scan);
+    seeds.push_back(request.SerializeAsString());
+  }
   scan->set_stamp_ns(1'000'000'000);
   wire::PointsToProto(points, scan, std::vector<float>{-0.5f, 0, 0.25f});
   seeds.push_back(request.SerializeAsString());
@@ -145,6 +149,9 @@ std::vector<std::string> IngestRequestSeeds() {
   image.rgb = std::as_bytes(std::span(colors));
   wire::ToProto(image, scan->mutable_depth_image());
   seeds.push_back(request.SerializeAsString());
+  wire::Compress(wire::ScanCompression::kZstd, scan);
+  seeds.push_back(request.SerializeAsString());
+  scan->clear_compression();
   const std::vector<float> depths_m = {1, 0, std::nanf(""), 1e30f};
   image.encoding = DepthEncoding::kFloat32;
   image.depth = std::as_bytes(std::span(depths_m));

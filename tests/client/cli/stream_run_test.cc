@@ -158,6 +158,20 @@ TEST(StreamFlags, ReadTheRate) {
     EXPECT_THAT(std::string(ParseRate(bad).status().message()), HasSubstr("--rate is")) << bad;
 }
 
+TEST(StreamFlags, ReadHowPointsTravel) {
+  IngestOptions options;
+  ASSERT_TRUE(ParseEncoding("int16", options).ok());
+  EXPECT_EQ(options.point_encoding, PointEncoding::kInt16);
+  EXPECT_EQ(options.int16_step_m, 1e-3);
+  EXPECT_EQ(options.compression, ScanCompression::kNone);
+  ASSERT_TRUE(ParseEncoding("compact", options).ok());
+  EXPECT_EQ(options.point_encoding, PointEncoding::kInt16);
+  EXPECT_EQ(options.int16_step_m, 4e-3);
+  EXPECT_EQ(options.compression, ScanCompression::kDeltaZstd);
+  EXPECT_THAT(std::string(ParseEncoding("zip", options).message()),
+              HasSubstr("--encoding is \"zip\", want float32, int16 or compact"));
+}
+
 TEST(StreamFlags, TellTheServerWhereTheRobotsBodyIs) {
   StreamFlags flags;
   EXPECT_FALSE(SetupOf(flags).body.has_value());
