@@ -36,7 +36,8 @@ MapActor::MapActor(std::string id, const GlobalMapOptions& options, std::uint64_
       mapper_(std::make_unique<GlobalMapper>(options, epoch)),
       last_commit_(Clock::now() - PeriodOf(limits.publish_hz)),
       history_(std::make_shared<MapHistory>(mapper_->snapshot(), limits.history)),
-      answers_(static_cast<std::size_t>(limits.request_ids_max)),
+      correction_book_(static_cast<std::size_t>(limits.request_ids_max)),
+      retraction_book_(static_cast<std::size_t>(limits.request_ids_max)),
       thread_([this] { Run(); }) {}
 
 MapActor::~MapActor() {
@@ -90,34 +91,33 @@ void MapActor::Update(const std::string& session, SessionUpdate update,
   if (published != nullptr) published(ended);
 }
 
+template <typename Result>
+std::optional<absl::StatusOr<Result>> MapActor::AnswerAtOnceLocked(
+    const RequestBook<Result>& book, const char* what, const std::string& session,
+    const std::string& request_id) const {
+  if (!status_.ok()) return status_;
+  if (!known_.contains(session))
+    return wire::WithField(
+        absl::NotFoundError(
+            absl::StrCat("session is ", session, ", want a session that feeds the map ", id_)),
+        "session");
+  if (const Result* earlier = book.Find(session, request_id)) return *earlier;
+  if (book.num_waiting() >= limits_.corrections_waiting_max)
+    return WithRetry(absl::ResourceExhaustedError(
+                         absl::StrCat(book.num_waiting(), " ", what, " wait for the map ", id_,
+                                      ", want at most ", limits_.corrections_waiting_max)),
+                     1.0);
+  return std::nullopt;
+}
+
 void MapActor::Correct(const std::string& session, const std::string& request_id,
                        CorrectedTrajectory correction, CorrectionCallback done) {
-  absl::StatusOr<CorrectionAnswer> at_once;
+  std::optional<absl::StatusOr<CorrectionAnswer>> at_once;
   {
     MutexLock lock(mutex_);
-    if (!status_.ok()) {
-      at_once = status_;
-    } else if (!known_.contains(session)) {
-      at_once =
-          wire::WithField(absl::NotFoundError(absl::StrCat(
-                              "session is ", session, ", want a session that feeds the map ", id_)),
-                          "session");
-    } else if (const CorrectionAnswer* earlier = answers_.Find(session, request_id)) {
-      at_once = *earlier;
-    } else if (num_waiting_ >= limits_.corrections_waiting_max) {
-      at_once = WithRetry(absl::ResourceExhaustedError(
-                              absl::StrCat(num_waiting_, " corrections wait for the map ", id_,
-                                           ", want at most ", limits_.corrections_waiting_max)),
-                          1.0);
-    } else {
-      ++num_waiting_;
-      if (!request_id.empty()) {
-        auto [repeats, is_new] = in_flight_.try_emplace({session, request_id});
-        if (!is_new) {
-          repeats->second.push_back(std::move(done));
-          return;
-        }
-      }
+    at_once = AnswerAtOnceLocked(correction_book_, "corrections", session, request_id);
+    if (!at_once.has_value()) {
+      if (correction_book_.JoinOrOpen(session, request_id, done)) return;
       PendingSession& pending = pending_[session];
       pending.correction = std::move(correction);
       const Clock::time_point now = Clock::now();
@@ -130,7 +130,25 @@ void MapActor::Correct(const std::string& session, const std::string& request_id
       return;
     }
   }
-  done(at_once);
+  done(*at_once);
+}
+
+void MapActor::Retract(const std::string& session, const std::string& request_id, bool restore,
+                       RetractionCallback done) {
+  std::optional<absl::StatusOr<RetractionAnswer>> at_once;
+  {
+    MutexLock lock(mutex_);
+    at_once = AnswerAtOnceLocked(retraction_book_, "retractions", session, request_id);
+    if (!at_once.has_value()) {
+      if (retraction_book_.JoinOrOpen(session, request_id, done)) return;
+      retractions_.push_back({session, request_id, restore, std::move(done)});
+      NoteNewsLocked();
+      urgent_ = true;
+      changed_.NotifyOne();
+      return;
+    }
+  }
+  done(*at_once);
 }
 
 MapActor::Lag MapActor::lag() const {
@@ -139,7 +157,7 @@ MapActor::Lag MapActor::lag() const {
   lag.published = published_at_;
   lag.oldest_waiting = taken_since_.has_value() ? taken_since_ : news_since_;
   if (!correction_arrivals_.empty()) lag.oldest_correction = *correction_arrivals_.begin();
-  lag.num_corrections = num_waiting_;
+  lag.num_corrections = correction_book_.num_waiting();
   return lag;
 }
 
@@ -228,7 +246,7 @@ MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_p
   const Clock::time_point next_commit = last_commit_ + PeriodOf(limits_.publish_hz);
   MutexLock lock(mutex_);
   while (status_.ok() && !urgent_ && restarts_ == 0) {
-    const bool has_news = !added_.empty() || !pending_.empty();
+    const bool has_news = !added_.empty() || !pending_.empty() || !retractions_.empty();
     if (has_news && Clock::now() >= next_commit) break;
     if (has_news) {
       changed_.WaitUntil(mutex_, next_commit);
@@ -241,6 +259,7 @@ MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_p
   if (!status_.ok()) return Waited::kStopped;
   batch.added = std::exchange(added_, {});
   batch.sessions = std::exchange(pending_, {});
+  batch.retractions = std::exchange(retractions_, {});
   urgent_ = false;
   // A rendering that was stopped has published nothing of what it took.
   if (!taken_since_.has_value()) taken_since_ = news_since_;
@@ -272,6 +291,12 @@ void MapActor::Apply(Batch& batch) {
       }
     }
   }
+  for (RetractionWaiter& waiter : batch.retractions) {
+    const absl::StatusOr<RetractionCounts> counts =
+        mapper_->Retract(waiter.session, waiter.restore);
+    GEM_CHECK(counts.ok());  // the session is known
+    unpublished_.retracted.emplace_back(std::move(waiter), *counts);
+  }
 }
 
 void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report) {
@@ -291,6 +316,8 @@ void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const Commit
     Answer(waiter, CorrectionAnswer{version, report.num_moved_submaps, report.num_touched_tiles,
                                     counts.num_ahead, counts.num_ignored});
   }
+  for (const auto& [waiter, counts] : published.retracted)
+    Answer(waiter, RetractionAnswer{version, counts, report.num_touched_tiles});
 }
 
 void MapActor::Answer(const CorrectionWaiter& waiter,
@@ -298,18 +325,23 @@ void MapActor::Answer(const CorrectionWaiter& waiter,
   std::vector<CorrectionCallback> repeats;
   {
     MutexLock lock(mutex_);
-    if (answer.ok()) answers_.Remember(waiter.session, waiter.request_id, *answer);
-    const auto found = in_flight_.find({waiter.session, waiter.request_id});
-    if (found != in_flight_.end()) {
-      repeats = std::move(found->second);
-      in_flight_.erase(found);
-    }
+    repeats = correction_book_.Close(waiter.session, waiter.request_id, answer);
     const auto arrival = correction_arrivals_.find(waiter.arrived);
     if (arrival != correction_arrivals_.end()) correction_arrivals_.erase(arrival);
-    num_waiting_ -= 1 + static_cast<int>(repeats.size());
   }
   waiter.done(answer);
   for (const CorrectionCallback& done : repeats) done(answer);
+}
+
+void MapActor::Answer(const RetractionWaiter& waiter,
+                      const absl::StatusOr<RetractionAnswer>& answer) {
+  std::vector<RetractionCallback> repeats;
+  {
+    MutexLock lock(mutex_);
+    repeats = retraction_book_.Close(waiter.session, waiter.request_id, answer);
+  }
+  waiter.done(answer);
+  for (const RetractionCallback& done : repeats) done(answer);
 }
 
 void MapActor::AbandonAll() {
@@ -318,6 +350,7 @@ void MapActor::AbandonAll() {
   {
     MutexLock lock(mutex_);
     batch.sessions = std::exchange(pending_, {});
+    batch.retractions = std::exchange(retractions_, {});
     why = status_;
   }
   for (auto& [session, pending] : batch.sessions) {
@@ -326,8 +359,11 @@ void MapActor::AbandonAll() {
     for (CorrectionWaiter& waiter : pending.waiters)
       unpublished_.corrected.emplace_back(std::move(waiter), CorrectionCounts{});
   }
+  for (RetractionWaiter& waiter : batch.retractions)
+    unpublished_.retracted.emplace_back(std::move(waiter), RetractionCounts{});
   for (const PublishedCallback& done : unpublished_.published) done(why);
   for (const auto& [waiter, counts] : unpublished_.corrected) Answer(waiter, why);
+  for (const auto& [waiter, counts] : unpublished_.retracted) Answer(waiter, why);
   unpublished_ = {};
 }
 

@@ -17,10 +17,10 @@
 #include "core/base/cancel_token.h"
 #include "core/base/mutex.h"
 #include "core/global/global_mapper.h"
-#include "server/answer_memory.h"
 #include "server/map_history.h"
 #include "server/map_mailbox.h"
 #include "server/metrics.h"
+#include "server/request_book.h"
 
 namespace gem {
 
@@ -28,7 +28,7 @@ struct MapActorOptions {
   double publish_hz = 2;
   int sessions_max = 10'000;
   int finished_submaps_waiting_max = 64;
-  int corrections_waiting_max = 1000;
+  int corrections_waiting_max = 1000;  ///< and as many retractions
   int request_ids_max = 1000;
   int commit_restarts_max = 8;
   HistoryOptions history = {};
@@ -59,6 +59,11 @@ class MapActor {
   /// shows it, or NOT_FOUND, OUT_OF_RANGE, RESOURCE_EXHAUSTED, UNAVAILABLE.
   void Correct(const std::string& session, const std::string& request_id,
                CorrectedTrajectory correction, CorrectionCallback done);
+
+  /// Hides what a session contributed, or shows it again: one revision. `done` gets the version
+  /// that shows it, or NOT_FOUND, RESOURCE_EXHAUSTED, UNAVAILABLE.
+  void Retract(const std::string& session, const std::string& request_id, bool restore,
+               RetractionCallback done);
 
   /// The newest. Never null.
   std::shared_ptr<const MapSnapshot> snapshot() const { return history_->newest(); }
@@ -107,23 +112,34 @@ class MapActor {
   struct Batch {
     std::vector<NewSession> added;
     absl::btree_map<std::string, PendingSession> sessions;
+    std::vector<RetractionWaiter> retractions;  ///< in order of arrival
   };
   /// Applied to the mapper, but not published yet.
   struct Unpublished {
     std::vector<PublishedCallback> published;
     std::vector<std::pair<CorrectionWaiter, CorrectionCounts>> corrected;
+    std::vector<std::pair<RetractionWaiter, RetractionCounts>> retracted;
   };
 
   void Run();
   void End(const absl::Status& why);
+  /// An answer that can be given at once: an earlier one, or why there will be none. Nothing: the
+  /// request is to be taken.
+  template <typename Result>
+  std::optional<absl::StatusOr<Result>> AnswerAtOnceLocked(const RequestBook<Result>& book,
+                                                           const char* what,
+                                                           const std::string& session,
+                                                           const std::string& request_id) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void NoteNewsLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   enum class Waited { kWork, kHistory, kStopped };
   /// Waits until there is work, or until `expiry`, when the history has something to forget.
   Waited WaitForWork(Batch& batch, std::optional<Clock::time_point> expiry);
   void Apply(Batch& batch);
   void Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report);
-  /// Answers a waiter and everybody who repeated its request.
+  /// These answer a waiter and everybody who repeated its request.
   void Answer(const CorrectionWaiter& waiter, const absl::StatusOr<CorrectionAnswer>& answer);
+  void Answer(const RetractionWaiter& waiter, const absl::StatusOr<RetractionAnswer>& answer);
   void AbandonAll();
   /// Frees what a deleted map held.
   void Free();
@@ -152,15 +168,13 @@ class MapActor {
   absl::btree_map<std::string, PendingSession> pending_ ABSL_GUARDED_BY(mutex_);
   std::vector<NewSession> sessions_ ABSL_GUARDED_BY(mutex_);  ///< by order of arrival
   absl::flat_hash_map<std::string, std::size_t> known_ ABSL_GUARDED_BY(mutex_);  ///< their places
-  AnswerMemory<CorrectionAnswer> answers_ ABSL_GUARDED_BY(mutex_);
-  /// Requests with an id that were taken and are not answered yet; whoever repeats one joins it.
-  absl::btree_map<std::pair<std::string, std::string>, std::vector<CorrectionCallback>> in_flight_
-      ABSL_GUARDED_BY(mutex_);
+  std::vector<RetractionWaiter> retractions_ ABSL_GUARDED_BY(mutex_);
+  RequestBook<CorrectionAnswer> correction_book_ ABSL_GUARDED_BY(mutex_);
+  RequestBook<RetractionAnswer> retraction_book_ ABSL_GUARDED_BY(mutex_);
   absl::btree_multiset<Clock::time_point> correction_arrivals_ ABSL_GUARDED_BY(mutex_);
   std::optional<Clock::time_point> news_since_ ABSL_GUARDED_BY(mutex_);   ///< waits for the thread
   std::optional<Clock::time_point> taken_since_ ABSL_GUARDED_BY(mutex_);  ///< not published yet
   Clock::time_point published_at_ ABSL_GUARDED_BY(mutex_) = Clock::now();
-  int num_waiting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool urgent_ ABSL_GUARDED_BY(mutex_) = false;
   absl::Status status_ ABSL_GUARDED_BY(mutex_);  ///< of the map; not OK: the thread ends
 

@@ -115,7 +115,7 @@ absl::Status ListSubmaps(const Registry& registry, const v1::ListSubmapsRequest&
           absl::StrCat(response->submaps(response->submaps_size() - 1).id()));
       break;
     }
-    wire::ToProto(submap, response->add_submaps());
+    wire::ToProto(submap, snapshot->options.cell_size_m, response->add_submaps());
   }
   wire::ToProto(snapshot->version, response->mutable_version());
   return absl::OkStatus();
@@ -140,6 +140,7 @@ absl::Status ListSessions(const Registry& registry, const v1::ListSessionsReques
     const bool is_published = page->first + i < snapshot->sessions.size();
     const SessionInfo* info = is_published ? &snapshot->sessions[page->first + i] : nullptr;
     proto->set_active(info == nullptr || !info->ended);
+    proto->set_retracted(info != nullptr && info->retracted);
     wire::ToProto(info == nullptr ? session.T_G_O : info->T_G_O, proto->mutable_map_from_odom());
     const auto share = shares.find(session.session);
     if (share == shares.end()) continue;

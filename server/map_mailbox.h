@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "core/global/global_mapper.h"
 #include "server/ingest_message.h"
+#include "server/request_book.h"
 
 namespace gem {
 
@@ -22,8 +23,15 @@ struct CorrectionAnswer {
   std::uint32_t num_poses_ahead = 0;
   std::uint32_t num_poses_ignored = 0;
 };
+/// What a retraction or a restoration did, once it is published.
+struct RetractionAnswer {
+  MapVersion version;
+  RetractionCounts counts;
+  std::uint32_t num_touched_tiles = 0;
+};
 /// Called from the map's thread; must not block.
-using CorrectionCallback = std::function<void(const absl::StatusOr<CorrectionAnswer>&)>;
+using CorrectionCallback = RequestBook<CorrectionAnswer>::Callback;
+using RetractionCallback = RequestBook<RetractionAnswer>::Callback;
 using PublishedCallback = std::function<void(const absl::StatusOr<MapVersion>&)>;
 
 /// A caller that waits for its correction.
@@ -32,6 +40,14 @@ struct CorrectionWaiter {
   std::string request_id;  ///< may be empty
   Clock::time_point arrived;
   CorrectionCallback done;
+};
+
+/// A caller that waits for a session to be retracted, or restored.
+struct RetractionWaiter {
+  std::string session;
+  std::string request_id;  ///< may be empty
+  bool restore = false;
+  RetractionCallback done;
 };
 
 /// What one session has sent since the map last looked.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
+#include "proto/wire/map.h"
 #include "proto/wire/scalar.h"
 #include "proto/wire/session_setup.h"
 #include "server/map_listing.h"
@@ -35,6 +36,24 @@ absl::Status DeleteMap(Registry& registry, const v1::DeleteMapRequest& request) 
   return registry.DeleteMap(request.map(), request.request_id(), request.force());
 }
 
+void RetractSession(const Registry& registry, const v1::RetractSessionRequest& request,
+                    v1::RetractSessionResponse* response, GuardedCall* call) {
+  absl::Status checked = CheckMapRequest(request.map(), request.request_id());
+  if (checked.ok()) checked = wire::CheckId(request.session(), wire::FieldPath("session"));
+  if (!checked.ok()) return call->Complete(checked);
+  const absl::StatusOr<std::shared_ptr<MapActor>> map = registry.FindMap(request.map());
+  if (!map.ok()) return call->Complete(map.status());
+  (*map)->Retract(request.session(), request.request_id(), request.restore(),
+                  [call, response](const absl::StatusOr<RetractionAnswer>& answer) {
+                    if (!answer.ok()) return call->Complete(answer.status());
+                    wire::ToProto(answer->version, response->mutable_version());
+                    response->set_num_submaps(answer->counts.num_submaps);
+                    response->set_num_merged_points(answer->counts.num_merged_cells);
+                    response->set_num_touched_tiles(answer->num_touched_tiles);
+                    call->Complete(absl::OkStatus());
+                  });
+}
+
 }  // namespace
 
 MapService::MapService(Registry& registry, const ServerOptions& options, Metrics& metrics,
@@ -50,6 +69,7 @@ MapService::MapService(Registry& registry, const ServerOptions& options, Metrics
       list_maps_(metrics.AddMethod("ListMaps")),
       list_submaps_(metrics.AddMethod("ListSubmaps")),
       list_sessions_(metrics.AddMethod("ListSessions")),
+      retract_session_(metrics.AddMethod("RetractSession")),
       get_server_status_(metrics.AddMethod("GetServerStatus")) {}
 
 grpc::ServerUnaryReactor* MapService::CreateMap(grpc::CallbackServerContext* context,
@@ -92,6 +112,14 @@ grpc::ServerUnaryReactor* MapService::ListSessions(grpc::CallbackServerContext* 
                                                    v1::ListSessionsResponse* response) {
   return guard_.RunInPool(context, {request, response}, list_sessions_,
                           [=, this] { return gem::ListSessions(registry_, *request, response); });
+}
+
+grpc::ServerUnaryReactor* MapService::RetractSession(grpc::CallbackServerContext* context,
+                                                     const v1::RetractSessionRequest* request,
+                                                     v1::RetractSessionResponse* response) {
+  return guard_.RunAsync(
+      context, {request, response}, retract_session_,
+      [=, this](GuardedCall* call) { gem::RetractSession(registry_, *request, response, call); });
 }
 
 grpc::ServerUnaryReactor* MapService::GetServerStatus(grpc::CallbackServerContext* context,

@@ -34,6 +34,9 @@ class MapService final : public v1::MapService::CallbackService {
   grpc::ServerUnaryReactor* ListSessions(grpc::CallbackServerContext* context,
                                          const v1::ListSessionsRequest* request,
                                          v1::ListSessionsResponse* response) override;
+  grpc::ServerUnaryReactor* RetractSession(grpc::CallbackServerContext* context,
+                                           const v1::RetractSessionRequest* request,
+                                           v1::RetractSessionResponse* response) override;
   grpc::ServerUnaryReactor* GetServerStatus(grpc::CallbackServerContext* context,
                                             const v1::GetServerStatusRequest* request,
                                             v1::GetServerStatusResponse* response) override;
@@ -50,6 +53,7 @@ class MapService final : public v1::MapService::CallbackService {
   MethodMetrics& list_maps_;
   MethodMetrics& list_submaps_;
   MethodMetrics& list_sessions_;
+  MethodMetrics& retract_session_;
   MethodMetrics& get_server_status_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };

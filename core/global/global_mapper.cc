@@ -13,6 +13,7 @@
 #include "core/base/status_macros.h"
 #include "core/base/stopwatch.h"
 #include "core/global/coverage.h"
+#include "core/global/finished_submaps.h"
 #include "core/global/placement.h"
 #include "core/global/pyramid.h"
 #include "core/global/submap_merger.h"
@@ -36,9 +37,17 @@ struct Session {
   bool ended = false;
 };
 
+// Of submaps with the same cells.
+bool SameSources(const Submap& a, const Submap& b) {
+  if (a.sources().size() < 2) return true;
+  for (std::size_t i = 0; i < a.num_cells(); ++i)
+    if (a.source(i) != b.source(i)) return false;
+  return true;
+}
+
 bool SameContent(const Submap& a, const Submap& b) {
-  return a.num_cells() == b.num_cells() && a.rect() == b.rect() &&
-         a.origin().robots == b.origin().robots &&
+  return a.num_cells() == b.num_cells() && a.rect() == b.rect() && a.sources() == b.sources() &&
+         SameSources(a, b) &&
          std::all_of(a.groups().begin(), a.groups().end(),
                      [&](const Submap::Group& group) { return SameGroup(a, group, b); });
 }
@@ -77,18 +86,25 @@ absl::Status CheckUpdate(const SessionUpdate& update, const Session& session, fl
 
 SubmapInfo InfoOf(const PlacedSubmap& placed) {
   const Submap& submap = *placed.submap;
-  SubmapInfo info{
-      submap.origin(),         placed.T_G_K,           submap.num_cells(), submap.size_bytes(),
-      submap.first_stamp_ns(), submap.last_stamp_ns(), placed.finished};
+  SubmapInfo info{submap.origin(),
+                  AllContributors(submap.sources()),
+                  placed.T_G_K,
+                  placed.rect_G,
+                  submap.num_cells(),
+                  submap.size_bytes(),
+                  submap.first_stamp_ns(),
+                  submap.last_stamp_ns(),
+                  placed.finished};
   info.origin.id = placed.id;
   return info;
 }
 
 bool Same(const std::vector<SessionInfo>& a, const std::vector<SessionInfo>& b) {
-  return std::equal(
-      a.begin(), a.end(), b.begin(), b.end(), [](const SessionInfo& x, const SessionInfo& y) {
-        return x.session == y.session && x.ended == y.ended && Identical(x.T_G_O, y.T_G_O);
-      });
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const SessionInfo& x, const SessionInfo& y) {
+                      return x.session == y.session && x.ended == y.ended &&
+                             x.retracted == y.retracted && Identical(x.T_G_O, y.T_G_O);
+                    });
 }
 
 }  // namespace
@@ -100,7 +116,7 @@ struct GlobalMapper::Impl {
   struct CollectedSubmap {
     SubmapId id{};
     std::shared_ptr<const Submap> submap;
-    bool finished = false;
+    const FinishedSubmaps::Stored* stored = nullptr;  ///< null: it still grows
   };
 
   absl::StatusOr<Session*> Find(const std::string& name) {
@@ -125,7 +141,7 @@ struct GlobalMapper::Impl {
   // What was told, whether published or not.
   std::deque<Session> sessions;  // by order of arrival
   absl::flat_hash_map<std::string, Session*> session_of;
-  absl::btree_map<SubmapId, std::shared_ptr<const Submap>> finished;
+  FinishedSubmaps finished;
   std::uint64_t last_id = 0;
 
   // What is published. A commit compares the two, so that one that is cancelled loses nothing.
@@ -164,7 +180,7 @@ absl::Status GlobalMapper::Update(const std::string& name, SessionUpdate update)
   for (std::shared_ptr<const Submap>& submap : update.finished) {
     if (submap->empty()) continue;
     const SubmapId id = impl_->IdOf(*session, *submap);
-    impl_->finished[id] = std::move(submap);
+    impl_->finished.Add(id, std::move(submap));
   }
   session->ended = update.ended;
   session->active = update.ended ? nullptr : std::move(update.active);
@@ -200,6 +216,15 @@ absl::StatusOr<CorrectionCounts> GlobalMapper::Correct(const std::string& name,
                                               correction.front().stamp_ns, ", after session \"",
                                               name, "\" ended"));
   return session->trajectory.SetCorrection(correction);
+}
+
+absl::StatusOr<RetractionCounts> GlobalMapper::Retract(const std::string& name, bool restore) {
+  GEM_ASSIGN_OR_RETURN(Session * session, impl_->Find(name));
+  if (restore != impl_->finished.IsRetracted(name)) return RetractionCounts{};
+  RetractionCounts counts = restore ? impl_->finished.Restore(name)
+                                    : impl_->finished.Retract(name, impl_->content.submaps);
+  if (session->active != nullptr) ++counts.num_submaps;
+  return counts;
 }
 
 std::shared_ptr<const MapSnapshot> GlobalMapper::Commit(const CancelToken& cancel,
@@ -241,6 +266,7 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Commit(const CancelToken& cance
   report.seconds.coarsen = composed.changed.empty() ? 0 : stopwatch.Lap();
   report.num_merged_submaps = maintenance.num_merged;
   report.num_touched_tiles = static_cast<std::uint32_t>(composed.rendered.size());
+  if (!changed.empty()) impl_->finished.NoteChange();
   snapshot_ = impl_->Publish(snapshot_, std::move(fresh), std::move(next), composed);
   return snapshot_;
 }
@@ -257,10 +283,12 @@ SubmapId GlobalMapper::Impl::IdOf(Session& session, const Submap& submap) {
 
 std::vector<GlobalMapper::Impl::CollectedSubmap> GlobalMapper::Impl::CollectSubmaps() const {
   std::vector<CollectedSubmap> collected;
-  collected.reserve(finished.size() + sessions.size());
-  for (const auto& [id, submap] : finished) collected.push_back({id, submap, true});
+  collected.reserve(finished.all().size() + sessions.size());
+  for (const auto& [id, stored] : finished.all())
+    if (stored.seen != nullptr) collected.push_back({id, stored.seen, &stored});
   for (const Session& session : sessions)
-    if (session.active != nullptr) collected.push_back({session.active_id, session.active, false});
+    if (session.active != nullptr && !finished.IsRetracted(session.name))
+      collected.push_back({session.active_id, session.active, nullptr});
   std::sort(collected.begin(), collected.end(),
             [](const CollectedSubmap& a, const CollectedSubmap& b) { return a.id < b.id; });
   return collected;
@@ -280,21 +308,24 @@ void GlobalMapper::Impl::PlaceSubmaps(const std::vector<CollectedSubmap>& collec
     while (before != content.submaps.end() && (*before)->id < is.id) ++before;
     const bool is_new = before == content.submaps.end() || (*before)->id != is.id;
     const bool moved = !is_new && !Identical((*before)->T_G_K, T_G_K);
-    const bool finished_now = is.finished && (is_new || !(*before)->finished);
+    const bool is_finished = is.stored != nullptr;
+    const bool finished_now = is_finished && (is_new || !(*before)->finished);
+    const bool came_back = is_new && is_finished && finished.CameBack(*is.stored, T_G_K);
     const bool same =
         !is_new && !moved && !finished_now &&
         ((*before)->submap == is.submap || SameContent(*(*before)->submap, *is.submap));
     if (moved) ++report.num_moved_submaps;
-    if (is.finished && (moved || finished_now)) changed.insert(is.id);
+    if (is_finished && (moved || finished_now) && !came_back) changed.insert(is.id);
     next.submaps.push_back(
         same ? *before
-             : std::make_shared<const PlacedSubmap>(Place(is.id, is.submap, is.finished, T_G_K)));
+             : std::make_shared<const PlacedSubmap>(Place(is.id, is.submap, is_finished, T_G_K)));
   }
 }
 
 void GlobalMapper::Impl::PlaceLocalMaps(MapContent& next) const {
   for (const Session& session : sessions) {
     if (session.local_field == nullptr || session.local_field->empty()) continue;
+    if (finished.IsRetracted(session.name)) continue;
     const Pose<Global, Odom> T_G_O = session.trajectory.T_G_O(session.local_field->map().stamp_ns);
     const auto before =
         std::find_if(content.local_maps.begin(), content.local_maps.end(),
@@ -318,17 +349,13 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Impl::Publish(
   content = std::move(next);
   composer.Adopt(composed);
   // Maintenance may have replaced and removed some.
-  if (submaps_changed) {
-    finished.clear();
-    for (const auto& placed : content.submaps)
-      if (placed->finished) finished[placed->id] = placed->submap;
-  }
+  if (submaps_changed) finished.Adopt(content.submaps);
 
   for (const Session& session : sessions) {
     const Trajectory<Odom, Base>& odometry = session.trajectory.odometry();
     const std::int64_t newest_ns = odometry.empty() ? 0 : odometry.back().stamp_ns;
-    fresh->sessions.push_back(
-        {session.name, session.robot, session.trajectory.T_G_O(newest_ns), session.ended});
+    fresh->sessions.push_back({session.name, session.robot, session.trajectory.T_G_O(newest_ns),
+                               session.ended, finished.IsRetracted(session.name)});
   }
   if (!submaps_changed && composed.changed.empty() && Same(fresh->sessions, old->sessions))
     return old;
@@ -345,6 +372,7 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Impl::Publish(
     fresh->submap_bytes += placed->submap->size_bytes();
     observe(placed->submap->last_stamp_ns());
   }
+  fresh->submap_bytes += finished.HiddenBytes();
   for (const auto& placed : content.local_maps) observe(placed->field->newest_ns());
   return fresh;
 }

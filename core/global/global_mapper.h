@@ -15,6 +15,7 @@
 #include "core/global/correction.h"
 #include "core/global/global_map_options.h"
 #include "core/global/map_snapshot.h"
+#include "core/global/retraction.h"
 #include "core/global/submap.h"
 #include "core/local/local_map.h"
 
@@ -70,6 +71,12 @@ class GlobalMapper {
   /// effect with the next Commit.
   absl::StatusOr<CorrectionCounts> Correct(const std::string& session,
                                            CorrectedTrajectory correction);
+
+  /// Hides what the session contributed: its submaps, the active one and those to come, its local
+  /// map, and its cells in others' submaps; or brings it back. A cell that was fused from several
+  /// sessions is hidden with the first of them. Nothing happens if it is so already. NOT_FOUND.
+  /// Takes effect with the next Commit.
+  absl::StatusOr<RetractionCounts> Retract(const std::string& session, bool restore);
 
   /// Moves, merges and renders what has changed since the last published snapshot, and publishes it
   /// as one revision; returns the newest snapshot, which is the old one if nothing changed. When

@@ -34,7 +34,9 @@ using TileMap = absl::flat_hash_map<TileIndex, std::shared_ptr<const Tile>>;
 /// A submap as readers see it.
 struct SubmapInfo {
   SubmapOrigin origin;
+  ContributorSet contributors;  ///< of its cells
   Pose<Global, Submap> T_G_K;
+  CellRect rect_G;  ///< of cells of G, holds all its cells; empty if it lies on its side
   std::uint64_t num_cells = 0;
   std::uint64_t size_bytes = 0;
   std::int64_t first_stamp_ns = 0;
@@ -48,6 +50,7 @@ struct SessionInfo {
   std::string robot;
   Pose<Global, Odom> T_G_O;  ///< at its newest pose
   bool ended = false;
+  bool retracted = false;  ///< what it contributed is hidden
 };
 
 struct MapSnapshot {
@@ -58,8 +61,8 @@ struct MapSnapshot {
   std::vector<SubmapInfo> submaps;         ///< by id
   std::vector<SessionInfo> sessions;       ///< by order of arrival
   std::uint64_t num_points = 0;            ///< cells in all submaps
-  std::uint64_t submap_bytes = 0;
-  std::int64_t newest_stamp_ns = 0;  ///< newest observation in the map
+  std::uint64_t submap_bytes = 0;          ///< what is hidden of them included
+  std::int64_t newest_stamp_ns = 0;        ///< newest observation in the map
 
   /// The tiles of a level, 0 to kLevelMax.
   const TileMap& TilesOf(int level) const {

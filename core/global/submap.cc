@@ -39,12 +39,13 @@ CellRect BoundsOf(const std::vector<KeyedSubmapCell>& cells) {
 }  // namespace
 
 Submap::Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells)
-    : Submap(std::move(origin), cells, {}) {
+    : Submap(std::move(origin), cells, {}, {}) {
+  sources_ = {{{origin_.session, origin_.robot}}};
   parts_ = FindParts();
 }
 
 Submap::Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells,
-               std::vector<SubmapPart> parts)
+               std::vector<SubmapPart> parts, Sources sources)
     : origin_(std::move(origin)), rect_(BoundsOf(cells)), parts_(std::move(parts)) {
   if (cells.empty()) return;
   BuildGroups(cells);
@@ -66,6 +67,7 @@ Submap::Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells,
   traversability_.resize(cells.size());
   stamp_ms_.resize(cells.size());
   for (const KeyedSubmapCell& keyed : cells) Place(*Find(keyed.cell), keyed.value);
+  if (!sources.empty()) PlaceSources(cells, std::move(sources));
 
   for (const KeyedSubmapCell& keyed : cells) {
     const CellIndex in_table{(keyed.cell.x >> kGroupBits) - group_min_.x,
@@ -128,6 +130,31 @@ void Submap::Place(std::size_t position, const SubmapCell& cell) {
   stamp_ms_[position] = static_cast<std::uint32_t>(since_base_ns / kNsPerMs);
 }
 
+void Submap::PlaceSources(const std::vector<KeyedSubmapCell>& cells, Sources sources) {
+  std::vector<bool> used(sources.size());
+  for (const KeyedSubmapCell& keyed : cells) used[keyed.source] = true;
+  std::vector<SourceIndex> order;
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    if (used[i]) order.push_back(static_cast<SourceIndex>(i));
+  std::sort(order.begin(), order.end(),
+            [&](SourceIndex a, SourceIndex b) { return sources[a] < sources[b]; });
+  std::vector<SourceIndex> place_of(sources.size());
+  sources_.reserve(order.size());
+  for (const SourceIndex index : order) {
+    place_of[index] = static_cast<SourceIndex>(sources_.size());
+    sources_.push_back(std::move(sources[index]));
+  }
+  if (sources_.size() > 1) source_low_.resize(cells.size());
+  if (sources_.size() > 256) source_high_.resize(cells.size());
+  if (source_low_.empty()) return;
+  for (const KeyedSubmapCell& keyed : cells) {
+    const std::size_t position = *Find(keyed.cell);
+    const SourceIndex place = place_of[keyed.source];
+    source_low_[position] = static_cast<std::uint8_t>(place & 0xff);
+    if (!source_high_.empty()) source_high_[position] = static_cast<std::uint8_t>(place >> 8);
+  }
+}
+
 // Summed by group and position, so that the order of the cells given does not show.
 std::vector<SubmapPart> Submap::FindParts() const {
   constexpr std::int32_t kPartsSide_max = 8;
@@ -178,7 +205,7 @@ std::vector<KeyedSubmapCell> Submap::Cells() const {
   cells.reserve(num_cells());
   for (const Group& group : groups_)
     group.ForEachCell([&](CellIndex cell, std::size_t position) {
-      cells.push_back({cell, At(position)});
+      cells.push_back({cell, At(position), source(position)});
     });
   return cells;
 }
@@ -197,9 +224,8 @@ bool Submap::MayKnowAnyOf(const CellRect& rect) const {
 }
 
 std::size_t Submap::size_bytes() const {
-  std::size_t robots_bytes = 0;
-  for (const std::string& robot : origin_.robots) robots_bytes += sizeof(robot) + robot.capacity();
-  return sizeof(*this) + origin_.session.capacity() + robots_bytes +
+  return sizeof(*this) + origin_.session.capacity() + origin_.robot.capacity() +
+         SizeBytes(sources_) + source_low_.capacity() + source_high_.capacity() +
          group_index_.capacity() * sizeof(std::int32_t) + groups_.capacity() * sizeof(Group) +
          parts_.capacity() * sizeof(SubmapPart) + elevation_m_.capacity() * sizeof(float) +
          covariance_m2_.capacity() * sizeof(Covariance3) + rgba_.capacity() * sizeof(Rgba) +

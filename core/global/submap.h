@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/geometry/pose.h"
+#include "core/global/sources.h"
 #include "core/global/submap_part.h"
 #include "core/grid/cell_belief.h"
 
@@ -47,13 +48,14 @@ struct SubmapCell {
 struct KeyedSubmapCell {
   CellIndex cell;  ///< in K
   SubmapCell value;
+  SourceIndex source = 0;  ///< of the submap's sources
 };
 
 /// Where a submap hangs and who made it.
 struct SubmapOrigin {
   SubmapId id{};
-  std::string session;
-  std::vector<std::string> robots;   ///< sorted, without repeats; several after a merge
+  std::string session;               ///< whose trajectory carries it
+  std::string robot;                 ///< of that session
   std::int64_t anchor_stamp_ns = 0;  ///< stamp of the trajectory pose that carries it
   Pose<Odom, Submap> T_O_K;          ///< axes of O, origin on a cell corner of O
   float cell_size_m = 0;
@@ -91,12 +93,14 @@ class Submap {
     }
   };
 
-  /// cells: each cell at most once, any order; within kSubmapSideCells_max of each other.
+  /// All of it its session's own. cells: each cell at most once, any order; within
+  /// kSubmapSideCells_max of each other.
   Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells);
 
-  /// The same with given parts(): what was merged into a submap does not move it.
+  /// The same with given parts(), as what was merged into a submap does not move it, and with what
+  /// came from whom.
   Submap(SubmapOrigin origin, const std::vector<KeyedSubmapCell>& cells,
-         std::vector<SubmapPart> parts);
+         std::vector<SubmapPart> parts, Sources sources);
 
   const SubmapOrigin& origin() const { return origin_; }
   std::size_t num_cells() const { return elevation_m_.size(); }
@@ -141,6 +145,14 @@ class Submap {
   float elevation_m(std::size_t position) const { return elevation_m_[position]; }
   const Covariance3& covariance_m2(std::size_t position) const { return covariance_m2_[position]; }
   SubmapCell At(std::size_t position) const;
+  /// Who contributed to a cell: one of sources().
+  SourceIndex source(std::size_t position) const {
+    if (source_low_.empty()) return 0;
+    return static_cast<SourceIndex>(source_low_[position] |
+                                    (source_high_.empty() ? 0 : source_high_[position] << 8));
+  }
+  /// The sets of contributors that cells have, sorted: the same for equal contents.
+  const Sources& sources() const { return sources_; }
   /// All cells by group, then row, then column: the same for equal contents.
   std::vector<KeyedSubmapCell> Cells() const;
 
@@ -150,6 +162,8 @@ class Submap {
   }
   void BuildGroups(const std::vector<KeyedSubmapCell>& cells);
   void Place(std::size_t position, const SubmapCell& cell);
+  /// Keeps those of the sources that cells have, in order.
+  void PlaceSources(const std::vector<KeyedSubmapCell>& cells, Sources sources);
   std::vector<SubmapPart> FindParts() const;
 
   // Constant after construction.
@@ -168,6 +182,9 @@ class Submap {
   /// Whole milliseconds since stamp_base_ns_, rounded down. 49 days fit; a cell older than that
   /// beside a newer one (after a merge) counts as 49 days old.
   std::vector<std::uint32_t> stamp_ms_;
+  Sources sources_;
+  std::vector<std::uint8_t> source_low_;   ///< empty: all cells have the only one
+  std::vector<std::uint8_t> source_high_;  ///< empty: there are at most 256
   std::int64_t stamp_base_ns_ = 0;  ///< a multiple of 1 ms, so that rounding twice changes nothing
   float elevation_m_min_ = 0;
   float elevation_m_max_ = 0;

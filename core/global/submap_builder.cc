@@ -145,7 +145,7 @@ std::shared_ptr<const Submap> SubmapBuilder::Vectorise() const {
   }
   SubmapOrigin origin;
   origin.session = session_;
-  origin.robots = {robot_};
+  origin.robot = robot_;
   origin.anchor_stamp_ns = anchor_->stamp_ns;
   origin.T_O_K = anchor_->T_O_K;
   origin.cell_size_m = options_.cell_size_m;

@@ -10,6 +10,7 @@
 #include "core/global/coverage.h"
 #include "core/global/fusion.h"
 #include "core/global/gather.h"
+#include "core/global/sources.h"
 
 namespace gem {
 namespace {
@@ -34,16 +35,23 @@ Covariance3 Rotate(const Eigen::Matrix3d& R, const Covariance3& c) {
           static_cast<float>(rotated(1, 2)), static_cast<float>(rotated(2, 2))};
 }
 
-SubmapCell Join(const SubmapCell& stored, const SubmapCell& incoming,
-                const GlobalMapOptions& options) {
-  const bool stored_is_newer = stored.stamp_ns > incoming.stamp_ns;
-  const SubmapCell& newest = stored_is_newer ? stored : incoming;
-  const SubmapCell& oldest = stored_is_newer ? incoming : stored;
+// Puts what came in to what is stored: fused where they agree, else the newest.
+void Join(KeyedSubmapCell& stored, const KeyedSubmapCell& incoming, const GlobalMapOptions& options,
+          JoinedSources& sources) {
+  const bool stored_is_newer = stored.value.stamp_ns > incoming.value.stamp_ns;
+  const SubmapCell& newest = stored_is_newer ? stored.value : incoming.value;
+  const SubmapCell& oldest = stored_is_newer ? incoming.value : stored.value;
   const double gap_s = 1e-9 * static_cast<double>(newest.stamp_ns - oldest.stamp_ns);
   const bool agree =
       Agree(newest.elevation_m, HeightVariance(newest.covariance_m2), oldest.elevation_m,
             HeightVariance(oldest.covariance_m2), options.gate_sigmas);
-  return agree && gap_s <= options.merge_fuse_time_s_max ? Fuse(newest, oldest) : newest;
+  if (agree && gap_s <= options.merge_fuse_time_s_max) {
+    stored.value = Fuse(newest, oldest);
+    stored.source = sources.Union(stored.source, incoming.source);
+  } else if (!stored_is_newer) {
+    stored.value = incoming.value;
+    stored.source = incoming.source;
+  }
 }
 
 // The older submap's cells under the newer one, by group, so that a long thin submap across costs
@@ -70,9 +78,10 @@ struct Onto {
   Gather gather;
 };
 
-// Calls visit(cell, value) for every cell of the frame of `below` that the newer submap knows.
+// Calls visit(KeyedSubmapCell) for every cell of the frame of `below` that the newer submap knows.
 template <typename Visit>
-void ForEachIncoming(const PlacedSubmap& below, const PlacedSubmap& newer, const Visit& visit) {
+void ForEachIncoming(const PlacedSubmap& below, const PlacedSubmap& newer,
+                     const JoinedSources& sources, const Visit& visit) {
   const Onto onto(below, newer);
   const Submap& from = *newer.submap;
   for (const CellIndex group : GroupsUnder(from, onto.R, onto.t)) {
@@ -81,10 +90,11 @@ void ForEachIncoming(const PlacedSubmap& below, const PlacedSubmap& newer, const
                            (group.y << kGroupBits) + (i >> kGroupBits)};
       const std::optional<GatherHit> hit = onto.gather.At(from, cell);
       if (!hit) continue;
-      SubmapCell incoming = from.At(hit->position);
-      incoming.elevation_m = hit->elevation_m;
-      incoming.covariance_m2 = Rotate(onto.R, incoming.covariance_m2);
-      visit(cell, incoming);
+      KeyedSubmapCell incoming{cell, from.At(hit->position),
+                               sources.OfNewer(from.source(hit->position))};
+      incoming.value.elevation_m = hit->elevation_m;
+      incoming.value.covariance_m2 = Rotate(onto.R, incoming.value.covariance_m2);
+      visit(incoming);
     }
   }
 }
@@ -239,13 +249,6 @@ bool SameGround(const PlacedSubmap& a, const PlacedSubmap& b, const GlobalMapOpt
   return LieOnEachOther(a, b, 1, options);
 }
 
-SubmapOrigin WithRobotsOf(SubmapOrigin origin, const SubmapOrigin& other) {
-  origin.robots.insert(origin.robots.end(), other.robots.begin(), other.robots.end());
-  std::sort(origin.robots.begin(), origin.robots.end());
-  origin.robots.erase(std::unique(origin.robots.begin(), origin.robots.end()), origin.robots.end());
-  return origin;
-}
-
 using Neighbours = std::vector<std::shared_ptr<const PlacedSubmap>>;
 
 // Number of cells of the submap that one of the others knows.
@@ -324,30 +327,31 @@ std::shared_ptr<const Submap> Merge(
     const std::vector<std::shared_ptr<const PlacedSubmap>>& others) {
   const Submap& into = *older.submap;
   if (!Onto(older, newer).gather.upright()) return nullptr;
+  JoinedSources sources(into.sources(), newer.submap->sources());
   std::vector<KeyedSubmapCell> cells = into.Cells();  // by position
-  ForEachIncoming(older, newer, [&](CellIndex cell, const SubmapCell& incoming) {
-    if (const std::optional<std::size_t> stored = into.Find(cell)) {
-      cells[*stored].value = Join(cells[*stored].value, incoming, options);
-    } else if (!KnownTo(others, older, cell, incoming.elevation_m)) {
-      cells.push_back({cell, incoming});
+  ForEachIncoming(older, newer, sources, [&](const KeyedSubmapCell& incoming) {
+    if (const std::optional<std::size_t> stored = into.Find(incoming.cell)) {
+      Join(cells[*stored], incoming, options, sources);
+    } else if (!KnownTo(others, older, incoming.cell, incoming.value.elevation_m)) {
+      cells.push_back(incoming);
     }
   });
-  if (!Fits(cells)) return nullptr;
-  return std::make_shared<const Submap>(WithRobotsOf(into.origin(), newer.submap->origin()), cells,
-                                        into.parts());
+  if (sources.full() || !Fits(cells)) return nullptr;
+  return std::make_shared<const Submap>(into.origin(), cells, into.parts(), sources.Take());
 }
 
 std::shared_ptr<const Submap> Refresh(const PlacedSubmap& stored, const PlacedSubmap& newer,
                                       const GlobalMapOptions& options) {
   const Submap& into = *stored.submap;
   if (!Onto(stored, newer).gather.upright()) return stored.submap;
+  JoinedSources sources(into.sources(), newer.submap->sources());
   std::vector<KeyedSubmapCell> cells = into.Cells();  // by position
-  ForEachIncoming(stored, newer, [&](CellIndex cell, const SubmapCell& incoming) {
-    if (const std::optional<std::size_t> position = into.Find(cell))
-      cells[*position].value = Join(cells[*position].value, incoming, options);
+  ForEachIncoming(stored, newer, sources, [&](const KeyedSubmapCell& incoming) {
+    if (const std::optional<std::size_t> position = into.Find(incoming.cell))
+      Join(cells[*position], incoming, options, sources);
   });
-  return std::make_shared<const Submap>(WithRobotsOf(into.origin(), newer.submap->origin()), cells,
-                                        into.parts());
+  if (sources.full()) return stored.submap;
+  return std::make_shared<const Submap>(into.origin(), cells, into.parts(), sources.Take());
 }
 
 Maintenance Maintain(std::vector<std::shared_ptr<const PlacedSubmap>> submaps,

@@ -21,8 +21,8 @@ bool ShouldMerge(const PlacedSubmap& older, const PlacedSubmap& newer,
 /// The older submap with the newer one's cells, eq. (12), gathered onto its cells: fused where they
 /// were observed within merge_fuse_time_s_max of each other and agree within the gate, else the
 /// newer observation stays. Keeps the older one's origin. A cell that one of the others knows does
-/// not enter: they are refreshed with it. Null if the result would be longer or wider than
-/// kSubmapSideCells_max.
+/// not enter: they are refreshed with it. Cells remember who contributed. Null if the result would
+/// be longer or wider than kSubmapSideCells_max, or have more than kSources_max sources.
 std::shared_ptr<const Submap> Merge(
     const PlacedSubmap& older, const PlacedSubmap& newer, const GlobalMapOptions& options,
     const std::vector<std::shared_ptr<const PlacedSubmap>>& others = {});

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "absl/container/btree_set.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "core/base/status_macros.h"
 #include "gem/v1/map_service.pb.h"
 #include "gem/v1/tile_service.pb.h"
@@ -269,16 +271,27 @@ absl::StatusOr<DecodedLocalMap> FromProto(const v1::LocalMap& proto, const Field
   return map;
 }
 
-void ToProto(const SubmapInfo& submap, v1::Submap* proto) {
+void ToProto(const SubmapInfo& submap, double cell_size_m, v1::Submap* proto) {
   proto->set_id(static_cast<std::uint64_t>(submap.origin.id));
   proto->set_session(submap.origin.session);
-  for (const std::string& robot : submap.origin.robots) proto->add_robots(robot);
+  absl::btree_set<absl::string_view> robots;
+  for (const Contributor& contributor : submap.contributors) {
+    robots.insert(contributor.robot);
+    proto->add_sessions(contributor.session);
+  }
+  for (const absl::string_view robot : robots) proto->add_robots(std::string(robot));
   ToProto(submap.T_G_K, proto->mutable_map_from_submap());
   proto->set_anchor_stamp_ns(submap.origin.anchor_stamp_ns);
   proto->set_num_points(submap.num_cells);
   proto->set_first_stamp_ns(submap.first_stamp_ns);
   proto->set_last_stamp_ns(submap.last_stamp_ns);
   proto->set_finished(submap.finished);
+  if (submap.rect_G.empty()) return;
+  v1::Region* extent = proto->mutable_extent();
+  extent->set_x_min(submap.rect_G.min.x * cell_size_m);
+  extent->set_y_min(submap.rect_G.min.y * cell_size_m);
+  extent->set_x_max(submap.rect_G.max.x * cell_size_m);
+  extent->set_y_max(submap.rect_G.max.y * cell_size_m);
 }
 
 }  // namespace gem::wire

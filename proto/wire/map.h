@@ -83,6 +83,7 @@ absl::StatusOr<DecodedLocalMap> FromProto(const v1::LocalMap& proto, const Field
 /// All but the grid.
 void HeadToProto(const LocalMap& map, const LocalMapContext& context, v1::LocalMap* proto);
 
-void ToProto(const SubmapInfo& submap, v1::Submap* proto);
+/// cell_size_m: of the map.
+void ToProto(const SubmapInfo& submap, double cell_size_m, v1::Submap* proto);
 
 }  // namespace gem::wire

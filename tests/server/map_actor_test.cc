@@ -18,7 +18,7 @@ constexpr std::uint64_t kEpoch = 7;
 std::shared_ptr<const Submap> OneCellSubmap(double x_m, std::int64_t stamp_ns) {
   SubmapOrigin origin;
   origin.session = "s";
-  origin.robots = {"r"};
+  origin.robot = "r";
   origin.anchor_stamp_ns = stamp_ns;
   origin.T_O_K = Pose<Odom, Submap>::FromTranslation(x_m, 0, 0);
   origin.cell_size_m = 1;
@@ -61,6 +61,14 @@ class MapActorTest : public testing::Test {
     map_->Correct(
         "s", request_id, {{stamp_ns, Pose<Global, Base>::FromTranslation(0, 0, raise_m)}},
         [&](const absl::StatusOr<CorrectionAnswer>& answer) { promise.set_value(answer); });
+    return promise.get_future().get();
+  }
+
+  absl::StatusOr<RetractionAnswer> Retract(const std::string& request_id, bool restore) {
+    std::promise<absl::StatusOr<RetractionAnswer>> promise;
+    map_->Retract("s", request_id, restore, [&](const absl::StatusOr<RetractionAnswer>& answer) {
+      promise.set_value(answer);
+    });
     return promise.get_future().get();
   }
 
@@ -178,7 +186,33 @@ TEST_F(MapActorTest, TheLastMapIsTheOneOfTheLastCorrectionAlone) {
 TEST_F(MapActorTest, TellsWhoWaitsThatItStops) {
   map_->Stop();
   EXPECT_EQ(Correct(1, 100).status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(Retract("", false).status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(End(UpdateAt(0, 100)).status().code(), absl::StatusCode::kUnavailable);
+}
+
+TEST_F(MapActorTest, AnswersARetractionWithTheVersionThatShowsItAndRemembersIt) {
+  ASSERT_TRUE(End(UpdateAt(0, 100)).ok());
+  const auto first = Retract("a", false);
+  ASSERT_TRUE(first.ok()) << first.status();
+  EXPECT_EQ(first->counts.num_submaps, 1u);
+  EXPECT_EQ(first->num_touched_tiles, 1u);
+  EXPECT_EQ(map_->snapshot()->version, first->version);
+  EXPECT_TRUE(map_->snapshot()->tiles.empty());
+
+  ASSERT_TRUE(Retract("b", true).ok());
+  EXPECT_EQ(HeightAt({0, 0}), 0);
+  const auto again = Retract("a", false);
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->version, first->version) << "the earlier answer";
+  EXPECT_EQ(HeightAt({0, 0}), 0) << "and nothing happens";
+}
+
+TEST_F(MapActorTest, ARetractionOfASessionThatItDoesNotKnowNamesTheField) {
+  absl::Status status;
+  map_->Retract("x", "", false,
+                [&](const absl::StatusOr<RetractionAnswer>& answer) { status = answer.status(); });
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(wire::FieldOf(status), "session");
 }
 
 class NarrowMapActorTest : public MapActorTest {

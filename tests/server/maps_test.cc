@@ -167,6 +167,88 @@ TEST(Maps, SessionsSayWhatHangsOnThem) {
   EXPECT_GT(page.sessions(0).num_points(), 100u);
 }
 
+grpc::Status Retract(TestServer& server, const std::string& session, bool restore,
+                     v1::RetractSessionResponse& response, const std::string& request_id = "") {
+  v1::RetractSessionRequest request;
+  request.set_map("site");
+  request.set_session(session);
+  request.set_restore(restore);
+  request.set_request_id(request_id);
+  response.Clear();
+  return TestServer::Call(server.maps(), &v1::MapService::Stub::RetractSession, request, response);
+}
+
+v1::ListSubmapsResponse Submaps(TestServer& server) {
+  v1::ListSubmapsRequest request;
+  v1::ListSubmapsResponse response;
+  request.set_map("site");
+  EXPECT_TRUE(
+      TestServer::Call(server.maps(), &v1::MapService::Stub::ListSubmaps, request, response).ok());
+  return response;
+}
+
+TEST(Maps, ARetractedSessionLeavesTheMapAndComesBack) {
+  TestServer server;
+  Drive(server, "r1", "s1");
+  const TestMap before = FetchMap(server, "site");
+  v1::RetractSessionResponse retracted;
+  ASSERT_TRUE(Retract(server, "s1", false, retracted, "a").ok());
+  EXPECT_EQ(retracted.num_submaps(), 1u);
+  EXPECT_EQ(retracted.num_merged_points(), 0u);
+  EXPECT_EQ(retracted.num_touched_tiles(), before.tiles.size());
+  EXPECT_EQ(retracted.version().revision(), before.version.revision + 1);
+  EXPECT_TRUE(FetchMap(server, "site").Cells().empty());
+  v1::ListSessionsResponse page;
+  ASSERT_TRUE(List(server, "site", 0, "", page).ok());
+  EXPECT_TRUE(page.sessions(0).retracted());
+  EXPECT_EQ(page.sessions(0).num_submaps(), 0u);
+
+  v1::RetractSessionResponse restored;
+  ASSERT_TRUE(Retract(server, "s1", true, restored).ok());
+  EXPECT_EQ(restored.num_submaps(), 1u);
+  EXPECT_EQ(FetchMap(server, "site").Cells(), before.Cells());
+  v1::RetractSessionResponse repeated;
+  ASSERT_TRUE(Retract(server, "s1", false, repeated, "a").ok());
+  EXPECT_EQ(repeated.version().revision(), retracted.version().revision());
+  EXPECT_EQ(FetchMap(server, "site").Cells(), before.Cells()) << "sent again, done once";
+}
+
+TEST(Maps, RetractionsAreValidated) {
+  TestServer server;
+  Drive(server, "r1", "s1");
+  v1::RetractSessionResponse response;
+  EXPECT_EQ(Retract(server, "s2", false, response).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_THAT(Retract(server, "", false, response).error_message(),
+              testing::StartsWith("session is \"\""));
+  EXPECT_THAT(Retract(server, "s1", false, response, "?").error_message(),
+              testing::StartsWith("request_id is \"?\""));
+}
+
+TEST(Maps, SubmapsSayWhereTheyAreAndWhoMadeThem) {
+  TestServer server;
+  Drive(server, "r1", "s1");
+  Drive(server, "r2", "s2");
+  const v1::ListSubmapsResponse merged = Submaps(server);
+  ASSERT_EQ(merged.submaps_size(), 1) << "they drove the same way";
+  const v1::Submap& submap = merged.submaps(0);
+  EXPECT_THAT(submap.robots(), testing::ElementsAre("r1", "r2"));
+  EXPECT_THAT(submap.sessions(), testing::ElementsAre("s1", "s2"));
+  EXPECT_EQ(submap.session(), "s1");
+  double x_min = 1e9, x_max = -1e9;
+  for (const auto& [cell, height] : FetchMap(server, "site").Cells()) {
+    x_min = std::min(x_min, cell.x * 0.5);
+    x_max = std::max(x_max, (cell.x + 1) * 0.5);
+  }
+  EXPECT_EQ(submap.extent().x_min(), x_min);
+  EXPECT_EQ(submap.extent().x_max(), x_max);
+  v1::RetractSessionResponse response;
+  ASSERT_TRUE(Retract(server, "s2", false, response).ok());
+  EXPECT_GT(response.num_merged_points(), 0u);
+  const v1::ListSubmapsResponse without = Submaps(server);
+  for (const v1::Submap& each : without.submaps())
+    EXPECT_THAT(each.robots(), testing::ElementsAre("r1"));
+}
+
 TEST(Maps, SessionPagesAreValidated) {
   TestServer server;
   Drive(server, "r1", "s1");

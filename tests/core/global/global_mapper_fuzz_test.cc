@@ -26,7 +26,10 @@ class History {
       robot.T_G_O = RandomMove(0.2);
       ASSERT_TRUE(mapper.AddSession(session, session, robot.T_G_O).ok());
     }
-    if (!robot.ended && Uniform(0, 1) < 0.7) {
+    if (Uniform(0, 1) < 0.1) {
+      robot.retracted = !robot.retracted;
+      ASSERT_TRUE(mapper.Retract(session, !robot.retracted).ok());
+    } else if (!robot.ended && Uniform(0, 1) < 0.7) {
       ASSERT_TRUE(mapper.Update(session, Drive(session, robot)).ok());
     } else if (!robot.odometry.empty()) {
       robot.correction = RandomCorrection(robot);
@@ -50,9 +53,22 @@ class History {
       if (!robot.correction.empty()) {
         EXPECT_TRUE(mapper.Correct(session, robot.correction).ok());
       }
+      if (robot.retracted) {
+        EXPECT_TRUE(mapper.Retract(session, false).ok());
+      }
     }
     CommitReport report;
     return mapper.Commit(CancelToken(), report);
+  }
+
+  bool everybody_is_retracted() const {
+    return std::all_of(robots_.begin(), robots_.end(),
+                       [](const auto& each) { return each.second.retracted; });
+  }
+  std::vector<std::string> sessions() const {
+    std::vector<std::string> names;
+    for (const auto& [session, robot] : robots_) names.push_back(session);
+    return names;
   }
 
  private:
@@ -67,6 +83,7 @@ class History {
     std::int32_t width = 10;
     bool added = false;
     bool ended = false;
+    bool retracted = false;
   };
 
   double Uniform(double low, double high) {
@@ -155,10 +172,34 @@ TEST_P(RandomHistory, ManyCommitsEqualOne) {
     const auto afresh = history.Afresh(options);
     ASSERT_TRUE(test::SameCells(*incremental, *afresh)) << "step " << step;
     ASSERT_EQ(incremental->num_points, afresh->num_points);
-    ASSERT_GT(test::NumKnown(*afresh), 100u);
+    ASSERT_TRUE(history.everybody_is_retracted() || test::NumKnown(*afresh) > 100u);
     for (const auto& [index, tile] : incremental->tiles)
       ASSERT_TRUE(std::any_of(tile->cells.begin(), tile->cells.end(),
                               [](const CellBelief& c) { return c.known(); }));
+  }
+}
+
+// Whatever was merged with whatever: a retracted session leaves nothing, and all of it comes back.
+TEST_P(RandomHistory, RetractionsAreCleanAndCanBeUndone) {
+  GlobalMapper mapper(GlobalMapOptions{}, 1);
+  History history(GetParam());
+  CommitReport report;
+  for (int step = 0; step < 60; ++step) {
+    history.Step(mapper);
+    if (testing::Test::HasFatalFailure()) return;
+    mapper.Commit(CancelToken(), report);
+  }
+  const std::vector<std::string> sessions = history.sessions();
+  for (const std::string& session : sessions) ASSERT_TRUE(mapper.Retract(session, true).ok());
+  const auto whole = mapper.Commit(CancelToken(), report);
+  for (const std::string& out : sessions) {
+    ASSERT_TRUE(mapper.Retract(out, false).ok());
+    const auto without = mapper.Commit(CancelToken(), report);
+    for (const SubmapInfo& submap : without->submaps)
+      for (const Contributor& each : submap.contributors) ASSERT_NE(each.session, out);
+    ASSERT_LT(without->num_points, whole->num_points);
+    ASSERT_TRUE(mapper.Retract(out, true).ok());
+    ASSERT_TRUE(test::SameCells(*mapper.Commit(CancelToken(), report), *whole)) << out;
   }
 }
 

@@ -540,7 +540,8 @@ TEST(TwoSessions, TheirSubmapsMergeAlike) {
   const auto snapshot = mapper.Commit(CancelToken(), report);
   EXPECT_EQ(report.num_merged_submaps, 1u);
   ASSERT_EQ(snapshot->submaps.size(), 1u);
-  EXPECT_EQ(snapshot->submaps[0].origin.robots, (std::vector<std::string>{"robot-a", "robot-b"}));
+  EXPECT_EQ(snapshot->submaps[0].contributors,
+            (ContributorSet{{"a", "robot-a"}, {"b", "robot-b"}}));
   EXPECT_EQ(snapshot->num_points, 400u);
 }
 

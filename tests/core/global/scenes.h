@@ -41,7 +41,7 @@ inline std::shared_ptr<const Submap> MakeSubmap(const std::string& session,
                                                 std::int64_t stamp_ns = 0) {
   SubmapOrigin origin;
   origin.session = session;
-  origin.robots = {"robot-" + session};
+  origin.robot = "robot-" + session;
   origin.anchor_stamp_ns = anchor_stamp_ns;
   origin.T_O_K = T_O_K;
   origin.cell_size_m = 0.2f;

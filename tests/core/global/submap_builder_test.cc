@@ -39,7 +39,8 @@ TEST(SubmapBuilder, AnchorsOnACellCornerWithTheAxesOfO) {
   EXPECT_EQ(submap->origin().T_O_K.translation(), Eigen::Vector3d(10.25, -4.25, 79.0 / 64));
   EXPECT_TRUE(submap->origin().T_O_K.matrix().isIdentity(0));
   EXPECT_EQ(submap->origin().anchor_stamp_ns, 7);
-  EXPECT_EQ(submap->origin().robots, std::vector<std::string>{"r"});
+  EXPECT_EQ(submap->origin().robot, "r");
+  EXPECT_EQ(submap->sources(), (Sources{{{"s", "r"}}}));
   // Cell (41, -17) of O is cell (0, 0) of K: one to one.
   const auto position = submap->Find({0, 0});
   ASSERT_TRUE(position.has_value());

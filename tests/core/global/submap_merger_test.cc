@@ -67,7 +67,8 @@ TEST(Merge, KeepsTheOlderOnesOriginAndNamesAllRobots) {
   const auto merged = Merge(Placed(1, Square("b", 1, 0, 0)), Placed(2, Square("a", 2, 0, 0)), {});
   EXPECT_EQ(merged->origin().session, "b");
   EXPECT_EQ(merged->origin().anchor_stamp_ns, kSecond_ns);
-  EXPECT_EQ(merged->origin().robots, (std::vector<std::string>{"robot-a", "robot-b"}));
+  EXPECT_EQ(AllContributors(merged->sources()),
+            (ContributorSet{{"a", "robot-a"}, {"b", "robot-b"}}));
 }
 
 // What is merged into a submap was placed by another stretch of the way, or another robot.
