@@ -32,7 +32,7 @@ struct ServingFlags {
   std::string dir;
   std::string poses;
   std::vector<std::string> parts = {"ingest", "reading"};
-  std::vector<std::string> encodings = {"float32", "int16"};
+  std::vector<std::string> encodings = {"float32", "int16", "compact"};
   std::vector<int> streams = {1, 4};
   std::vector<int> watchers = {0, 10, 100};
   load::ServingOptions options;
@@ -54,9 +54,10 @@ absl::StatusOr<std::unique_ptr<ScanSource>> OpenSource(const ServingFlags& flags
 
 absl::StatusOr<std::unique_ptr<const ScanTape>> RecordTape(const ServingFlags& flags,
                                                            const std::string& encoding) {
-  GEM_ASSIGN_OR_RETURN(const PointEncoding points, ParsePointEncoding(encoding));
+  IngestOptions options;
+  GEM_RETURN_IF_ERROR(ParseEncoding(encoding, options));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<ScanSource> source, OpenSource(flags));
-  return ScanTape::Record(*source, points, kScansOfTape_max);
+  return ScanTape::Record(*source, options, kScansOfTape_max);
 }
 
 bool IsWanted(const ServingFlags& flags, const std::string& part) {

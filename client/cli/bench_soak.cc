@@ -37,7 +37,7 @@ absl::Status RunSoak(SoakFlags flags) {
   scene.scans_max = kScansOfTape;
   GEM_ASSIGN_OR_RETURN(const auto source, MakeScene(scene));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<const load::ScanTape> tape,
-                       load::ScanTape::Record(*source, PointEncoding::kFloat32, kScansOfTape));
+                       load::ScanTape::Record(*source, IngestOptions(), kScansOfTape));
   flags.options.seconds = flags.minutes * 60;
   flags.options.warm_up_s = flags.options.seconds * kWarmUpShare;
   GEM_ASSIGN_OR_RETURN(const SoakReport report, load::Soak(*tape, flags.options));

@@ -43,9 +43,8 @@ std::string HeadBytes(const v1::Scan& head, std::size_t payload_bytes) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<const ScanTape>> ScanTape::Record(ScanSource& source,
-                                                                 client::PointEncoding encoding,
-                                                                 std::size_t num_scans_max) {
+absl::StatusOr<std::unique_ptr<const ScanTape>> ScanTape::Record(
+    ScanSource& source, const client::IngestOptions& options, std::size_t num_scans_max) {
   auto tape = std::make_unique<ScanTape>();
   tape->name_ = source.name();
   tape->sensors_ = {{kSensor, source.T_B_S(), source.noise()}};
@@ -55,7 +54,8 @@ absl::StatusOr<std::unique_ptr<const ScanTape>> ScanTape::Record(ScanSource& sou
     if (!more) break;
     Recorded& recorded = tape->scans_.emplace_back();
     GEM_RETURN_IF_ERROR(client::ToProto(
-        {scan.stamp_ns, kSensor, scan.T_O_B, std::nullopt, scan.points}, encoding, &recorded.head));
+        {scan.stamp_ns, kSensor, scan.T_O_B, std::nullopt, scan.points}, options, &recorded.head));
+    client::Compress(options.compression, &recorded.head);
     recorded.payload = std::move(*recorded.head.mutable_points());
     recorded.head.clear_points();
   }

@@ -24,9 +24,8 @@ inline constexpr std::int64_t kScanPeriod_ns = 100'000'000;
 class ScanTape {
  public:
   /// INVALID_ARGUMENT if the source gives no scan.
-  static absl::StatusOr<std::unique_ptr<const ScanTape>> Record(ScanSource& source,
-                                                                client::PointEncoding encoding,
-                                                                std::size_t num_scans_max);
+  static absl::StatusOr<std::unique_ptr<const ScanTape>> Record(
+      ScanSource& source, const client::IngestOptions& options, std::size_t num_scans_max);
 
   const std::string& name() const { return name_; }
   std::size_t num_scans() const { return scans_.size(); }

@@ -107,8 +107,8 @@ std::string DifferenceOf(const std::vector<client::MapTile>& a,
   for (std::size_t i = 0; i < a.size(); ++i) {
     const std::string tile = absl::StrCat("tile (", a[i].index.x, ", ", a[i].index.y, ")");
     if (a[i].index != b[i].index) return absl::StrCat(tile, " is not in both");
-    if (a[i].grid.has_value() != b[i].grid.has_value()) return absl::StrCat(tile, " is absent");
-    for (std::size_t l = 0; a[i].grid.has_value() && l < a[i].grid->layers.size(); ++l)
+    if ((a[i].grid == nullptr) != (b[i].grid == nullptr)) return absl::StrCat(tile, " is absent");
+    for (std::size_t l = 0; a[i].grid != nullptr && l < a[i].grid->layers.size(); ++l)
       if (a[i].grid->layers[l] != b[i].grid->layers[l])
         return absl::StrCat("layer ", NameOf(a[i].grid->layers[l].layer), " of ", tile);
   }

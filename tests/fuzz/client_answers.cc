@@ -171,9 +171,8 @@ v1::BatchGetTilesResponse TwoTiles() {
   tile.cells[5] = {1.5f,       0.01f,         0.9f,
                    0xff102030, 1'000'000'000, kCellKnown | kCellAnnotated | kCellColored};
   constexpr std::array kLayers = {Layer::kElevation, Layer::kColor};
-  wire::ToProto(tile, 0.2f, 2'000'000'000, kLayers, wire::CellEncoding::kCompact,
-                response.add_tiles());
-  wire::ToProto(TileIndex{-1, 2}, response.add_tiles()->mutable_key());
+  wire::ToProto(tile, 0.2f, kLayers, wire::CellEncoding::kCompact, response.add_tiles());
+  wire::ToProto(TileAddress{0, {-1, 2}}, response.add_tiles()->mutable_key());
   response.mutable_tiles(1)->set_absent(true);
   response.mutable_version()->set_epoch(3);
   return response;

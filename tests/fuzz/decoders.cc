@@ -31,10 +31,10 @@ SessionConfig SmallSession() {
 void RunScan(const v1::Scan& scan) {
   SessionMapper mapper(SmallSession());
   SessionMapper::HeldScan held;
-  const auto intake = mapper.Take(scan, scan.seq(), held);
+  const absl::Status taken = mapper.Take(scan, held);
   // A refusal names its field: robots show it to people.
-  GEM_CHECK(intake.ok() || !wire::FieldOf(intake.status()).empty());
-  if (!intake.ok() || *intake != SessionMapper::Intake::kTaken) return;
+  GEM_CHECK(taken.ok() || !wire::FieldOf(taken).empty());
+  if (!taken.ok()) return;
   // Poses about the stamp, so that points with time offsets are deskewed.
   v1::PoseBatch poses;
   wire::ToProto({{0, {}}, {2'000'000'000, Pose<Odom, Base>::FromYaw(1, {1, 2, 3})}}, &poses);

@@ -28,7 +28,7 @@ class RobotLoadTest : public testing::Test {
 
   static std::unique_ptr<const ScanTape> MakeTape() {
     GrowingSource source(4);
-    return *ScanTape::Record(source, client::PointEncoding::kFloat32, 4);
+    return *ScanTape::Record(source, {}, 4);
   }
 
   const std::unique_ptr<const ScanTape> tape_ = MakeTape();

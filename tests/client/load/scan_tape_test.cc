@@ -14,7 +14,7 @@ namespace {
 
 std::unique_ptr<const ScanTape> TapeOf(std::size_t num_scans) {
   GrowingSource source(num_scans);
-  auto tape = ScanTape::Record(source, client::PointEncoding::kFloat32, 100);
+  auto tape = ScanTape::Record(source, {}, 100);
   EXPECT_TRUE(tape.ok()) << tape.status();
   return *std::move(tape);
 }
@@ -24,6 +24,12 @@ v1::IngestRequest Parsed(grpc::ByteBuffer buffer) {
   grpc::ProtoBufferReader reader(&buffer);
   EXPECT_TRUE(request.ParseFromZeroCopyStream(&reader));
   return request;
+}
+
+client::IngestOptions Int16() {
+  client::IngestOptions options;
+  options.point_encoding = client::PointEncoding::kInt16;
+  return options;
 }
 
 TEST(ScanTape, PutsMessagesTogetherThatParse) {
@@ -57,13 +63,12 @@ TEST(ScanTape, OfOneScanRepeatsIt) {
 
 TEST(ScanTape, TakesNoMoreScansThanItMayAndWantsOne) {
   GrowingSource many(10);
-  const auto tape = ScanTape::Record(many, client::PointEncoding::kInt16, 4);
+  const auto tape = ScanTape::Record(many, Int16(), 4);
   ASSERT_TRUE(tape.ok());
   EXPECT_EQ((*tape)->num_scans(), 4u);
   EXPECT_EQ((*tape)->mean_points(), 2.5);
   GrowingSource none(0);
-  EXPECT_EQ(ScanTape::Record(none, client::PointEncoding::kInt16, 4).status().message(),
-            "growing has no scan");
+  EXPECT_EQ(ScanTape::Record(none, Int16(), 4).status().message(), "growing has no scan");
 }
 
 TEST(Milliseconds, AreNearestRanks) {
