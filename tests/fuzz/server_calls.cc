@@ -8,6 +8,7 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <cstdio>
 #include <memory>
 #include <string_view>
 
@@ -109,6 +110,7 @@ class FuzzedServer {
  public:
   FuzzedServer() {
     auto server = Server::Start(SmallServer());
+    if (!server.ok()) std::fprintf(stderr, "%s\n", server.status().ToString().c_str());
     GEM_CHECK(server.ok());
     server_ = *std::move(server);
     spdlog::set_level(spdlog::level::off);
