@@ -43,19 +43,22 @@ v1::BatchGetTilesRequest BatchRequest(const std::string& map, std::span<const Ti
   return request;
 }
 
+std::string NameOf(int level, TileIndex tile) {
+  return absl::StrCat("(", level, ", ", tile.x, ", ", tile.y, ")");
+}
+
 /// A tile of an answer, which must be the one that was asked for.
 absl::StatusOr<MapTile> TakeTile(const v1::Tile& proto, TileIndex wanted, int level,
                                  const CellSelection& selection, const HeldTiles& held) {
   GEM_ASSIGN_OR_RETURN(MapTile tile, DecodeTile(proto, level, selection));
   if (tile.index != wanted)
-    return absl::InternalError(absl::StrCat("the server sent tile (", tile.index.x, ", ",
-                                            tile.index.y, ") instead of (", wanted.x, ", ",
-                                            wanted.y, ")"));
+    return absl::InternalError(absl::StrCat("the server sent tile ", NameOf(level, tile.index),
+                                            " instead of ", NameOf(level, wanted)));
   if (!proto.not_modified()) return tile;
   const auto found = held.find(wanted);
   if (found == held.end() || found->second->etag != tile.etag)
-    return absl::InternalError(absl::StrCat("the server sent tile (", wanted.x, ", ", wanted.y,
-                                            ") as not modified, which it is not"));
+    return absl::InternalError(absl::StrCat("the server sent tile ", NameOf(level, wanted),
+                                            " as not modified, which it is not"));
   tile.grid = found->second->grid;
   return tile;
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "core/base/check.h"
-#include "tests/fuzz/client_answers.h"
 #include "tests/fuzz/decoders.h"
 #include "tests/fuzz/server_calls.h"
 
@@ -15,7 +14,6 @@ const std::vector<Target>& Targets() {
       {"tile", Tile, TileSeeds, 2000},
       {"local_map", LocalMap, LocalMapSeeds, 2000},
       {"server_call", ServerCall, ServerCallSeeds, 50},
-      {"client_answer", ClientAnswer, ClientAnswerSeeds, 200},
   };
   return *targets;
 }

@@ -216,24 +216,22 @@ TEST(Watching, BeginsWithTheMapAndGoesOnWithChanges) {
 // drives and corrections throw the map about. At every complete version it holds exactly the tiles
 // of that version.
 TEST(Watching, SurvivesTwentyDisconnectionsExactly) {
-  constexpr std::uint64_t kScans = 120;
+  constexpr std::uint64_t kScans = 160;
   TestServer server(SmallTiles());
   TestStream robot(server.ingest(), OpenWithShortSubmaps());
-  ASSERT_TRUE(Drive(robot, 1, 10));
-  Shift(server, 0, 10);
-  std::atomic<bool> gone_wrong{false};
-  std::thread driving([&] {
-    for (std::uint64_t seq = 10; seq < kScans; seq += 10) {
-      if (!Drive(robot, seq + 1, seq + 10)) gone_wrong = true;
-      Shift(server, seq % 20 == 0 ? 0 : 30, seq + 10);
-    }
-  });
+  ASSERT_TRUE(Drive(robot, 1, 60));
   std::mt19937 random(7);
   Planner planner(server, WatchAll());
+  planner.Connect();
+  ASSERT_TRUE(planner.ReadUntil(Shift(server, 0, 60)));
+  planner.Disconnect();
   int num_complete = 0, num_broken = 0;
-  for (int cycle = 0; cycle < 20; ++cycle) {
+  for (std::uint64_t seq = 60; seq < kScans; seq += 5) {
+    ASSERT_TRUE(Drive(robot, seq + 1, seq + 5));
+    Shift(server, seq % 2 == 0 ? 0 : 30, seq + 5);  // every tile goes elsewhere
     planner.Connect();
-    auto parts_max = 1 + random() % 4;
+    // Now and then long enough for the whole change.
+    auto parts_max = 1 + random() % 30;
     do {
       ASSERT_TRUE(planner.ReadPart());
     } while (!planner.complete() && --parts_max > 0);
@@ -241,8 +239,6 @@ TEST(Watching, SurvivesTwentyDisconnectionsExactly) {
     EXPECT_TRUE(!planner.complete() || planner.held() == ReadAll(server, &planner.version()));
     planner.Disconnect();
   }
-  driving.join();
-  EXPECT_FALSE(gone_wrong);
   EXPECT_GT(num_complete, 0);
   EXPECT_GT(num_broken, 0) << "some must break off in the middle of a change";
   ASSERT_TRUE(robot.SendClose());
@@ -291,8 +287,8 @@ TEST(Watching, ReadersThatDoNotReadCostNoMemoryAndDelayNobody) {
     ASSERT_TRUE(awake.ReadUntil(last));
   }
   const std::size_t after = ResidentBytes();
-  EXPECT_LT(after, before + (64u << 20));
-  EXPECT_LE(server.Metric("gem_replaced_revision_bytes{map=\"site\"}"), 32 << 20);
+  EXPECT_LT(after, before + (128u << 20));  // kept snapshots would be 500 MB
+  EXPECT_LE(server.Metric("gem_replaced_revision_bytes{map=\"site\"}"), 48 << 20);
   EXPECT_LE(server.Metric("gem_tile_cache_bytes"), 4 << 20);
   EXPECT_EQ(awake.held(), ReadAll(server, nullptr, layers));
   // One that wakes up gets the newest, not a hundred old ones.
