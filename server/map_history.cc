@@ -221,7 +221,7 @@ void MapHistory::ForgetTombstonesLocked() {
   std::nth_element(revisions.begin(), middle, revisions.end());
   floor_ = std::max(floor_, *middle);
   for (Tombstones& of_level : tombstones_)
-    absl::erase_if(of_level, [this](const auto& entry) { return entry.second <= floor_; });
+    absl::erase_if(of_level, [floor = floor_](const auto& entry) { return entry.second <= floor; });
 }
 
 }  // namespace gem

@@ -83,7 +83,7 @@ TileWatch::Turn TileWatch::TakeTurn(Clock::time_point now, TileSink& sink) {
 
 std::shared_ptr<const MapSnapshot> TileWatch::Begin(Clock::time_point now) {
   TileChanges changes = history_->ChangesAfter(base_, options_.level, range_);
-  change_.emplace();
+  change_ = Change{};
   change_->target = changes.snapshot->version;
   change_->reset = changes.reset;
   change_->due = std::move(changes.tiles);

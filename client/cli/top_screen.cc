@@ -109,10 +109,7 @@ std::string Bytes(double bytes) {
     value /= 1024;
     unit = larger;
   }
-  return absl::StrFormat(value < 9.995   ? "%.2f %s"
-                         : value < 99.95 ? "%.1f %s"
-                                         : "%.0f %s",
-                         value, unit);
+  return absl::StrFormat("%.*f %s", value < 9.995 ? 2 : value < 99.95 ? 1 : 0, value, unit);
 }
 
 std::string Age(double seconds) {

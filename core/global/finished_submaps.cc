@@ -91,14 +91,15 @@ RetractionCounts FinishedSubmaps::Restore(const std::string& session) {
     std::vector<bool> returns = SourcesWithAny(stored.hidden->sources(), {session});
     const std::vector<bool> stays = SourcesWithAny(stored.hidden->sources(), retracted_);
     for (std::size_t i = 0; i < returns.size(); ++i) returns[i] = returns[i] && !stays[i];
+    const std::shared_ptr<const Submap> seen_before = stored.seen;
     const std::shared_ptr<const Submap> back =
         Filter(stored.hidden, [&](const KeyedSubmapCell& cell) {
-          return returns[cell.source] && !KnownTo(stored.seen, cell.cell);
+          return returns[cell.source] && !KnownTo(seen_before, cell.cell);
         });
     stored.hidden =
         Filter(stored.hidden, [&](const KeyedSubmapCell& cell) { return !returns[cell.source]; });
     if (back == nullptr) continue;
-    const std::shared_ptr<const Submap> seen = Unite(stored.seen, back);
+    const std::shared_ptr<const Submap> seen = Unite(seen_before, back);
     if (seen == nullptr) continue;
     counts.num_merged_cells += NumMerged(*back, session);
     if (stored.seen == nullptr) ++counts.num_submaps;

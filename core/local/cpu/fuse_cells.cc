@@ -39,7 +39,7 @@ void Load(const FuseTarget& target, const HitLanes& hits, std::size_t first_rank
   const float free_min = target.traversability_free;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     // A known cell has at least the floor of variance, which is above zero.
-    cells.known[lane] = (cells.count[lane] != 0) & (cells.prior_m2[lane] > 0.0f) ? 1 : 0;
+    cells.known[lane] = ((cells.count[lane] != 0) & (cells.prior_m2[lane] > 0.0f)) ? 1 : 0;
     cells.is_free[lane] = score[lane] > free_min ? 1 : 0;
   }
 }
