@@ -4,8 +4,8 @@
 namespace gem {
 
 /// From here on the calling thread, and every thread that it starts, gives way to the others of the
-/// process: they are scheduled before it at once, and it gets about a tenth of a core that they do
-/// not leave it. It cannot be undone.
+/// process: it gets about a tenth of a core that they want, too. Whether one that wakes up gets its
+/// core at once is up to the scheduler. It cannot be undone.
 void RunBehindOthers();
 
 }  // namespace gem
