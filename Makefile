@@ -12,7 +12,7 @@ help:
 	@echo "make test       build and run all tests"
 	@echo "make evaluate   rerun the paper's experiments; EVALUATION.md and plots (half an hour)"
 	@echo "make bench      reproduce the figures of PERFORMANCE.md (minutes; GEM_DATA_DIR names the recordings)"
-	@echo "make bench-serving  reproduce the figures of SERVING.md (minutes; on an idle machine)"
+	@echo "make bench-serving  a server under load, measured from outside (minutes; on an idle machine)"
 	@echo "make soak       robots, planners, watchers coming and going for MINUTES=10; fails if the server grows"
 	@echo "make lint       check formatting, clang-tidy, protobuf style"
 	@echo "make format     format all sources"
