@@ -94,11 +94,13 @@ absl::StatusOr<ReadReport> ReadTiles(const client::ConnectionOptions& server,
   if (plan.tiles.empty()) return absl::FailedPreconditionError("the map has no tiles to read");
   const std::vector<grpc::ByteBuffer> requests = Requests(plan);
   std::vector<std::unique_ptr<Reader>> readers;
+  readers.reserve(static_cast<std::size_t>(plan.num_readers));
   for (int i = 0; i < plan.num_readers; ++i)
     readers.push_back(std::make_unique<Reader>(server, plan, i));
   std::vector<absl::Status> ends(readers.size());
   const Clock::time_point begin = Clock::now();
   std::vector<std::thread> threads;
+  threads.reserve(readers.size());
   for (std::size_t i = 0; i < readers.size(); ++i)
     threads.emplace_back([&, i] { ends[i] = readers[i]->Run(requests, begin); });
   for (std::thread& thread : threads) thread.join();
