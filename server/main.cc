@@ -25,10 +25,12 @@ int Fail(const absl::Status& status) {
 /// tenth of the processor time of taking it in. Few arenas, because each keeps what was freed in
 /// it: with glibc's own number `gem bench soak` found twice the memory resident.
 void KeepFreedMemory() {
+  // NOLINTBEGIN(concurrency-mt-unsafe): before there is a second thread.
   mallopt(M_ARENA_MAX, 2);
   mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
   mallopt(M_TOP_PAD, 16 << 20);
+  // NOLINTEND(concurrency-mt-unsafe)
 }
 
 struct FlagValue {
