@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prints the figures of SERVING.md: bench_serving.sh BIN_DIR [KITTI_SEQUENCE]. Without a recording
+# A server under load, measured from outside: bench_serving.sh BIN_DIR [KITTI_SEQUENCE]. Without a recording
 # (GEM_DATA_DIR/sequences/00 by default) robots send simulated scans.
 set -euo pipefail
 bin="$1"
