@@ -2,7 +2,7 @@
 JOBS ?= 2
 export CTEST_OUTPUT_ON_FAILURE = 1
 
-.PHONY: all build demo evaluate bench bench-serving soak test test-asan test-tsan test-deploy fuzz lint format tidy deps clean help
+.PHONY: all build demo evaluate bench bench-serving soak test test-asan test-tsan test-deploy golden fuzz lint format tidy deps clean help
 
 all: build
 
@@ -20,6 +20,7 @@ help:
 	@echo "make fuzz       every fuzzer for SECONDS_EACH=60 seconds, JOBS=2 at a time"
 	@echo "make test-tsan  tests under ThreadSanitizer"
 	@echo "make test-deploy dashboards, rules and alerts against a loaded server that Prometheus watches"
+	@echo "make golden     write the golden vectors of ENCODINGS.md anew, after a change of what it says"
 	@echo "make clean      remove build/ and out/"
 
 deps:
@@ -86,6 +87,10 @@ tidy: build/clang/build.ninja
 
 format:
 	deploy/lint.sh fix
+
+golden: build/release/build.ninja
+	cmake --build build/release -j $(JOBS) --target write_golden
+	build/release/bin/write_golden tests/proto/golden
 
 clean:
 	rm -rf build out
