@@ -31,6 +31,7 @@ constexpr double kInt16StepMax_m = 1;
 constexpr double kPauseMax_s = 60;
 // How long a closed stream may take to end by itself.
 constexpr double kGoodbye_s = 2;
+
 Clock::duration Seconds(double seconds) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
 }
@@ -51,8 +52,12 @@ class IngestClient::Impl {
       : connection_(std::move(connection)),
         options_(std::move(options)),
         stub_(v1::IngestService::NewStub(connection_->channel())),
-        buffer_(options_.buffer_bytes_max) {
+        buffer_({options_.buffer_bytes_max, static_cast<std::size_t>(options_.unsent_scans_max),
+                 options_.overload == OverloadPolicy::kDropOldest}) {
     ToProto(setup, open_request_.mutable_open());
+    open_request_.mutable_open()->set_overload(options_.overload == OverloadPolicy::kDropOldest
+                                                   ? v1::OVERLOAD_POLICY_DROP_OLDEST
+                                                   : v1::OVERLOAD_POLICY_BLOCK);
     open_request_.mutable_open()->set_opener(RandomOpener());
   }
 
@@ -139,7 +144,8 @@ class IngestClient::Impl {
 
   IngestProgress progress() const {
     MutexLock lock(mutex_);
-    return {buffer_.written_seq(), buffer_.fused_seq(), num_problems_, num_reconnects_};
+    return {buffer_.written_seq(), buffer_.fused_seq(), num_problems_, num_reconnects_,
+            buffer_.num_dropped()};
   }
 
  private:
@@ -315,7 +321,8 @@ class IngestClient::Impl {
     closed_ = SessionClosed{{closed.version().epoch(), closed.version().revision()},
                             closed.num_scans_fused(),
                             closed.num_scans_refused(),
-                            closed.num_scans_not_deskewed()};
+                            closed.num_scans_not_deskewed(),
+                            closed.num_scans_dropped()};
     changed_.NotifyAll();
   }
 
@@ -418,16 +425,32 @@ class IngestClient::Impl {
   std::thread supervisor_;
 };
 
+absl::Status Validate(const IngestOptions& options) {
+  const auto in_range = [](const char* name, auto value, decltype(value) low,
+                           decltype(value) high) {
+    // Written so that NaN is refused.
+    if (value >= low && value <= high) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrCat(name, " is ", value, ", want [", low, ", ", high, "]"));
+  };
+  GEM_RETURN_IF_ERROR(in_range("open_timeout_s", options.open_timeout_s, 0.001, 3600.0));
+  GEM_RETURN_IF_ERROR(in_range("progress_timeout_s", options.progress_timeout_s, 0.001, 1e6));
+  GEM_RETURN_IF_ERROR(in_range("tries_max", options.tries_max, 1, 1000));
+  GEM_RETURN_IF_ERROR(in_range("backoff_s_max", options.backoff_s_max, 0.0, 3600.0));
+  GEM_RETURN_IF_ERROR(in_range("backoff_s_min", options.backoff_s_min, 0.0, options.backoff_s_max));
+  GEM_RETURN_IF_ERROR(in_range("buffer_bytes_max", options.buffer_bytes_max, std::uint64_t{1},
+                               std::uint64_t{1} << 40));
+  GEM_RETURN_IF_ERROR(in_range("unsent_scans_max", options.unsent_scans_max, 1, 100'000));
+  return in_range("int16_step_m", options.int16_step_m, kInt16StepMin_m, kInt16StepMax_m);
+}
+
 IngestClient::IngestClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 IngestClient::~IngestClient() = default;
 
 absl::StatusOr<std::unique_ptr<IngestClient>> IngestClient::Open(
     std::shared_ptr<const Connection> connection, const SessionSetup& setup,
     IngestOptions options) {
-  if (!(options.int16_step_m >= kInt16StepMin_m && options.int16_step_m <= kInt16StepMax_m))
-    return absl::InvalidArgumentError(absl::StrCat("int16_step_m is ", options.int16_step_m,
-                                                   ", want [", kInt16StepMin_m, ", ",
-                                                   kInt16StepMax_m, "]"));
+  GEM_RETURN_IF_ERROR(Validate(options));
   auto impl = std::make_unique<Impl>(std::move(connection), setup, std::move(options));
   GEM_RETURN_IF_ERROR(impl->Open());
   return std::unique_ptr<IngestClient>(new IngestClient(std::move(impl)));

@@ -99,18 +99,36 @@ struct IngestProblem {
   std::string message;    ///< for people: the field, its value, the limit
 };
 
+/// What gives way when scans come faster than they can be sent or fused.
+enum class OverloadPolicy {
+  /// Nothing: Send() and SendPoses() wait. For recordings.
+  kBlock,
+  /// Send() and SendPoses() never wait. Here the oldest scan that is not yet on its way gives way
+  /// to the newest, at the server the oldest that waits. For live robots.
+  kDropOldest,
+};
+
+/// What is kept of what was given to Send() and SendPoses() is bounded in bytes and, as long as it
+/// is not on its way, in number. At either limit the calls wait, or the oldest unsent scans are
+/// dropped and counted in IngestProgress, as `overload` says. What is on its way is kept until the
+/// server has fused it. When a stream breaks, what the server had not accepted is unsent again.
 struct IngestOptions {
-  /// To reach the server and open the session, seconds. Range (0, 3600].
+  /// To reach the server and open the session, seconds. Range [0.001, 3600].
   double open_timeout_s = 10;
-  /// Without an answer of the server while one is due, seconds. Range (0, 1e6].
+  /// Without an answer of the server while one is due, seconds. Range [0.001, 1e6].
   double progress_timeout_s = 120;
   /// Streams that are tried one after the other without getting a scan accepted. Range [1, 1000].
   int tries_max = 10;
   /// First wait between two tries, seconds; doubles each time. Range [0, backoff_s_max].
   double backoff_s_min = 0.1;
-  double backoff_s_max = 5;
-  /// Scans and poses that are kept until they are fused, bytes. One scan always fits.
+  double backoff_s_max = 5;  ///< range [0, 3600]
+  /// Scans and poses that are kept until they are fused, bytes. One scan always fits, however
+  /// large. Range [1, 2^40].
   std::uint64_t buffer_bytes_max = std::uint64_t{256} << 20;
+  /// Scans that wait to be written. With kDropOldest this is how long a silence of the radio link
+  /// may be without a scan being lost: a second of a 10 Hz LiDAR. Range [1, 100000].
+  int unsent_scans_max = 10;
+  OverloadPolicy overload = OverloadPolicy::kBlock;
   PointEncoding point_encoding = PointEncoding::kFloat32;
   /// How finely kInt16 keeps coordinates, metres. A scan that reaches farther than 32767 steps
   /// takes coarser ones: at 1 mm beyond 32 m, at 4 mm beyond 131 m. Range [1e-5, 1].
@@ -120,6 +138,9 @@ struct IngestOptions {
   /// into the client.
   std::function<void(const IngestProblem&)> on_problem;
 };
+
+/// INVALID_ARGUMENT: "tries_max is 0, want [1, 1000]".
+absl::Status Validate(const IngestOptions& options);
 
 /// The server's answer to opening.
 struct SessionOpened {
@@ -134,6 +155,9 @@ struct IngestProgress {
   std::uint64_t fused_seq = 0;  ///< all up to here are fused or refused
   std::uint64_t num_problems = 0;
   std::uint64_t num_reconnects = 0;
+  /// Scans that were dropped before the server had accepted them. What the server dropped is among
+  /// the problems, with reason "dropped".
+  std::uint64_t num_dropped = 0;
 };
 
 /// The server's answer to Close().
@@ -143,6 +167,7 @@ struct SessionClosed {
   std::uint64_t num_scans_refused = 0;
   /// Scans with time offsets that were fused as they were, because no streamed poses cover them.
   std::uint64_t num_scans_not_deskewed = 0;
+  std::uint64_t num_scans_dropped = 0;  ///< by the server, for newer ones
 };
 
 /// One session. Send(), SendPoses(), WaitUntilFused() and Close() come from one thread; progress()
@@ -158,11 +183,11 @@ class IngestClient {
 
   const SessionOpened& opened() const;
 
-  /// Numbers the scan and hands it to the stream; waits for credit and for room in the buffer.
-  /// INVALID_ARGUMENT: the scan is malformed, too large or does not fit its encoding, and is not
-  /// sent.
-  /// Other errors end the client: DEADLINE_EXCEEDED, DATA_LOSS (the server forgot the session), or
-  /// why the server cannot be reached.
+  /// Hands the scan to the stream, which numbers it; waits for room in the buffer, and so for
+  /// credit, unless the overload policy is kDropOldest. INVALID_ARGUMENT: the scan is malformed,
+  /// too large or does not fit its encoding, and is not sent. Other errors end the client:
+  /// DEADLINE_EXCEEDED, DATA_LOSS (the server forgot the session), or why the server cannot be
+  /// reached.
   absl::Status Send(const OutgoingScan& scan);
   /// Poses for scans that carry none and for points with time offsets; stamps increase. At most
   /// 4096. They overtake scans that wait for credit: scans at the server may be waiting for them.

@@ -60,8 +60,8 @@ ServerStatus FromProto(const v1::GetServerStatusResponse& proto) {
   ServerStatus status{proto.server_version(), proto.backend(), proto.uptime_s(), {}, {}};
   for (const v1::SessionStatus& s : proto.sessions())
     status.sessions.push_back({s.map(), s.robot(), s.session(), s.active(), s.connected(),
-                               s.num_scans_fused(), s.num_scans_refused(), s.queue_bytes(),
-                               s.fused_seq(), s.oldest_s()});
+                               s.num_scans_fused(), s.num_scans_refused(), s.num_scans_dropped(),
+                               s.queue_bytes(), s.fused_seq(), s.oldest_s()});
   for (const v1::StageTiming& t : proto.timings())
     status.timings.push_back(
         {t.mapper(), t.stage(), t.count(), t.total_s(), t.max_s(), BucketsOf(t)});

@@ -114,6 +114,7 @@ struct SessionStatus {
   bool connected = false;
   std::uint64_t num_scans_fused = 0;
   std::uint64_t num_scans_refused = 0;
+  std::uint64_t num_scans_dropped = 0;
   std::uint64_t queue_bytes = 0;
   std::uint64_t fused_seq = 0;
   double oldest_s = 0;  ///< age of the oldest scan that waits or is in hand

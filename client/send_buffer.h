@@ -21,7 +21,14 @@ namespace gem::client {
 /// hold the credit may wait for them.
 class SendBuffer {
  public:
-  explicit SendBuffer(std::uint64_t bytes_max) : bytes_max_(bytes_max) {}
+  struct Limits {
+    std::uint64_t bytes_max = 0;
+    std::size_t unsent_scans_max = 1;
+    /// Nobody waits for room: the oldest unsent scans give way to newer ones, and then the poses
+    /// that a next stream would repeat. Sent scans are kept, and so is the newest.
+    bool drop_oldest = false;
+  };
+  explicit SendBuffer(const Limits& limits) : limits_(limits) {}
 
   // The robot's side.
   bool HasRoomForScan(std::uint64_t size_bytes) const;
@@ -51,6 +58,8 @@ class SendBuffer {
   /// Number of the newest scan that was written.
   std::uint64_t written_seq() const { return written_seq_; }
   std::uint64_t fused_seq() const { return fused_seq_; }
+  /// Scans that gave way before they had been accepted.
+  std::uint64_t num_dropped() const { return num_dropped_; }
 
  private:
   struct Item {
@@ -61,9 +70,16 @@ class SendBuffer {
   };
   bool Fits(std::uint64_t size_bytes) const;
   bool IsUsed(const Item& item) const;
+  void PushPoses(Item batch);
   void PopSent();
+  void DropOldestScan();
+  void DropOldestPoses();
+  /// False: none is left.
+  bool ForgetOldestSentPoses();
+  /// Drops what is too much, if that is the policy.
+  void Trim();
 
-  const std::uint64_t bytes_max_;
+  const Limits limits_;
   std::deque<Item> sent_;   ///< as they were written
   std::deque<Item> poses_;  ///< unsent
   std::deque<Item> scans_;  ///< unsent
@@ -71,6 +87,7 @@ class SendBuffer {
   std::uint64_t bytes_ = 0;
   std::uint64_t written_seq_ = 0;
   std::uint64_t fused_seq_ = 0;
+  std::uint64_t num_dropped_ = 0;
 };
 
 }  // namespace gem::client

@@ -39,11 +39,12 @@ struct IngestProblem {
   std::uint64_t expected_seq = 0;  ///< what seq should have been, if that is the problem
 };
 
-/// Which opening of a session a stream is. One of the same process that was made earlier, but comes
-/// later, has no say.
+/// Which opening of a session a stream is, and what it wants. One of the same process that was made
+/// earlier, but comes later, has no say.
 struct IngestOpening {
   std::uint64_t opener = 0;  ///< the process; 0: not said
   std::uint32_t attempt = 0;
+  bool drop_oldest = false;  ///< scans, when they come faster than they are fused
 };
 
 /// What a stream has to tell its robot since it last did.
@@ -62,6 +63,7 @@ struct SessionEnd {
   std::uint64_t num_scans_fused = 0;
   std::uint64_t num_scans_refused = 0;
   std::uint64_t num_scans_not_deskewed = 0;
+  std::uint64_t num_scans_dropped = 0;
 };
 
 /// The stream, as its session sees it. Called from the session's and the map's threads; must not

@@ -115,7 +115,11 @@ absl::StatusOr<std::shared_ptr<IngestSink>> IngestReactor::Open(const v1::OpenSe
   }
   const absl::StatusOr<wire::SessionSetup> setup = wire::FromProto(open, wire::FieldPath("open"));
   if (!setup.ok()) return setup.status();
-  const IngestOpening opening{open.opener(), open.attempt()};
+  if (open.overload() < 0 || open.overload() > v1::OVERLOAD_POLICY_DROP_OLDEST)
+    return wire::Refuse(wire::FieldPath("open.overload"), absl::StrCat(open.overload()),
+                        "BLOCK or DROP_OLDEST");
+  const IngestOpening opening{open.opener(), open.attempt(),
+                              open.overload() == v1::OVERLOAD_POLICY_DROP_OLDEST};
   absl::StatusOr<std::shared_ptr<IngestSink>> previous = OpenSession(*setup, opening);
   // In this order: a session that is ending never goes on again.
   if (open.closing() && absl::IsFailedPrecondition(previous.status()))
@@ -221,6 +225,7 @@ void IngestReactor::OnEnded(const absl::StatusOr<SessionEnd>& end) {
   closed_->set_num_scans_fused(end->num_scans_fused);
   closed_->set_num_scans_refused(end->num_scans_refused);
   closed_->set_num_scans_not_deskewed(end->num_scans_not_deskewed);
+  closed_->set_num_scans_dropped(end->num_scans_dropped);
   EndLocked(absl::OkStatus());
 }
 

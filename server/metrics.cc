@@ -179,7 +179,8 @@ Metrics::Metrics()
                             .Add({}, kTiles)) {
   Counters& scans =
       CounterFamily(*registry_, "gem_scans_total", "Scans by result, refused ones by reason");
-  for (int i = 1; i < wire::kNumProblemReasons; ++i)
+  dropped_scans_ = &scans.Add({{"result", "dropped"}, {"reason", "overload"}});
+  for (int i = 1; i < static_cast<int>(wire::ProblemReason::kDropped); ++i)
     refused_scans_[static_cast<std::size_t>(i)] =
         &scans.Add({{"result", "refused"},
                     {"reason", std::string(wire::NameOf(static_cast<wire::ProblemReason>(i)))}});

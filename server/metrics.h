@@ -124,6 +124,9 @@ class Metrics {
   void CountDeskew(bool done) { (done ? deskewed_scans_ : not_deskewed_scans_).Increment(); }
   void CountDuplicateScan() { duplicate_scans_.Increment(); }
   void CountRefusedScan(wire::ProblemReason reason);
+  void CountDroppedScans(std::uint64_t num) {
+    if (num > 0) dropped_scans_->Increment(static_cast<double>(num));
+  }
   void CountPoses(bool accepted) { (accepted ? accepted_poses_ : refused_poses_).Increment(); }
   void ObserveCommit(const CommitReport& report);
   /// From the arrival of a correction to its publication, and the tiles that were rendered for it.
@@ -162,6 +165,7 @@ class Metrics {
   StageTimer scan_seconds_;
   prometheus::Counter& duplicate_scans_;
   std::array<prometheus::Counter*, wire::kNumProblemReasons> refused_scans_{};
+  prometheus::Counter* dropped_scans_ = nullptr;
   prometheus::Counter& deskewed_scans_;
   prometheus::Counter& not_deskewed_scans_;
   prometheus::Counter& accepted_poses_;

@@ -70,6 +70,7 @@ absl::Status Validate(const ServerOptions& options) {
   GEM_RETURN_IF_ERROR(InRange("local_publish_hz", options.local_publish_hz, 0.001, 100.0));
   GEM_RETURN_IF_ERROR(InRange("session_idle_s_max", options.session_idle_s_max, 0.001, 1e6));
   GEM_RETURN_IF_ERROR(InRange("pose_wait_s_max", options.pose_wait_s_max, 0.0, 10.0));
+  GEM_RETURN_IF_ERROR(InRange("overload_age_s_max", options.overload_age_s_max, 0.0, 60.0));
   return ValidateLimits(options);
 }
 

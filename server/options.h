@@ -52,6 +52,11 @@ struct ServerOptions {
   /// refused. Seconds, range [0, 10].
   double pose_wait_s_max = 0.2;
 
+  /// Of a robot that would rather drop scans than wait: one that has waited longer gives way to
+  /// newer ones. Two periods of a 10 Hz LiDAR: the newest is fused soon, and scans that come in a
+  /// burst, which wait for milliseconds, stay. Seconds, range [0, 60].
+  double overload_age_s_max = 0.2;
+
   // Limits.
   /// Sessions that are open at once; each has a thread. Range [1, 10000].
   int sessions_max = 64;

@@ -56,7 +56,8 @@ MapActorOptions MapActorOptionsOf(const ServerOptions& options, NewsListener* ne
 
 SessionActorOptions SessionActorOptionsOf(const ServerOptions& options) {
   return {options.queue_bytes_max,    options.publish_hz,      options.local_publish_hz,
-          options.session_idle_s_max, options.pose_wait_s_max, options.waiting_scans_max};
+          options.session_idle_s_max, options.pose_wait_s_max, options.waiting_scans_max,
+          options.overload_age_s_max};
 }
 
 }  // namespace

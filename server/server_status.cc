@@ -29,6 +29,7 @@ void SessionToProto(const SessionActor& session, Clock::time_point now, v1::Sess
   proto->set_queue_bytes(load.queue_bytes);
   proto->set_fused_seq(load.fused_seq);
   proto->set_oldest_s(Age_s(now, load.oldest));
+  proto->set_num_scans_dropped(session.num_scans_dropped());
 }
 
 template <typename Proto>

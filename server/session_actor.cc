@@ -30,7 +30,8 @@ SessionActor::SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
       feed_ticket_(feed_->Begin({config_.setup.session, map_, config_.setup.T_G_O})),
       options_(options),
       metrics_(metrics),
-      mailbox_(std::make_shared<SessionMailbox>(options.queue_bytes_max)),
+      mailbox_(std::make_shared<SessionMailbox>(options.queue_bytes_max,
+                                                Seconds(options.overload_age_s_max))),
       thread_([this] { Run(); }) {}
 
 SessionActor::~SessionActor() {
@@ -57,6 +58,7 @@ void SessionActor::Run() {
   while (true) {
     SessionMailbox::Work work = mailbox_->Wait(NextDeadline());
     if (work.stopped) break;
+    CountDropped(work.num_dropped);
     TakePoses(mapper, work.poses);
     const bool has_scan = work.scan.has_value();
     if (has_scan) TakeScan(mapper, *std::move(work.scan));
@@ -64,7 +66,8 @@ void SessionActor::Run() {
         Clock::now() - mailbox_->idle_since() >= Seconds(options_.session_idle_s_max);
     ServeLine(mapper, work.end_requested || idle_too_long);
     // What waits in line leaves room in the queue: the poses may be next on the stream.
-    if (has_scan && !line_.empty()) TellStream();
+    // So does what was dropped.
+    if ((has_scan && !line_.empty()) || work.num_dropped > 0) TellStream();
     if (work.end_requested || idle_too_long) {
       if (mailbox_->CloseDoor(/*only_if_alone=*/!work.end_requested)) {
         End(mapper);
@@ -109,7 +112,13 @@ bool SessionActor::Enqueue(const IngestSink* sink, IngestMessage message) {
     case SessionMailbox::Verdict::kStranger:
       break;
   }
+  CountDropped(enqueued.num_dropped);
   return enqueued.may_read_on;
+}
+
+void SessionActor::CountDropped(std::uint64_t num_dropped) {
+  metrics_.CountDroppedScans(num_dropped);
+  num_dropped_.fetch_add(num_dropped, std::memory_order_relaxed);
 }
 
 void SessionActor::TakeScan(SessionMapper& mapper, IngestMessage message) {
@@ -214,10 +223,12 @@ void SessionActor::PublishWhatIsDue(SessionMapper& mapper) {
 void SessionActor::End(SessionMapper& mapper) {
   if (local_map_is_old_) PublishLocalMap(mapper);
   local_map_ = nullptr;
-  const SessionEnd counts{{}, num_scans_fused(), num_scans_refused(), num_not_deskewed_};
+  const SessionEnd counts{
+      {}, num_scans_fused(), num_scans_refused(), num_not_deskewed_, num_scans_dropped()};
   active_.store(false, std::memory_order_release);
-  spdlog::info("session {} of robot {} ended: {} scans fused, {} refused", config_.setup.session,
-               config_.setup.robot, counts.num_scans_fused, counts.num_scans_refused);
+  spdlog::info("session {} of robot {} ended: {} scans fused, {} refused, {} dropped",
+               config_.setup.session, config_.setup.robot, counts.num_scans_fused,
+               counts.num_scans_refused, counts.num_scans_dropped);
   map_->Update(config_.setup.session, mapper.End(),
                [mailbox = mailbox_, counts](const absl::StatusOr<MapVersion>& version) {
                  absl::StatusOr<SessionEnd> end = counts;

@@ -26,6 +26,7 @@ struct SessionActorOptions {
   double session_idle_s_max = 600;
   double pose_wait_s_max = 0.2;
   int waiting_scans_max = 100;
+  double overload_age_s_max = 0.2;
 };
 
 class SessionActor {
@@ -41,7 +42,8 @@ class SessionActor {
   const SessionConfig& config() const { return config_; }
   const std::shared_ptr<MapActor>& map() const { return map_; }
   SessionMailbox& mailbox() { return *mailbox_; }
-  /// mailbox().Enqueue() with its refusals counted; false: do not read on before OnProgress().
+  /// mailbox().Enqueue(), with what it refused or dropped counted; false: do not read on before
+  /// OnProgress().
   bool Enqueue(const IngestSink* sink, IngestMessage message);
   const SessionMailbox& mailbox() const { return *mailbox_; }
 
@@ -52,6 +54,7 @@ class SessionActor {
   bool active() const { return active_.load(std::memory_order_acquire); }
   std::uint64_t num_scans_fused() const { return num_fused_.load(std::memory_order_relaxed); }
   std::uint64_t num_scans_refused() const { return num_refused_.load(std::memory_order_relaxed); }
+  std::uint64_t num_scans_dropped() const { return num_dropped_.load(std::memory_order_relaxed); }
 
   /// True until everything that the session sent is published.
   bool feeds_map() const { return !mailbox_->has_end(); }
@@ -65,6 +68,7 @@ class SessionActor {
 
  private:
   void Run();
+  void CountDropped(std::uint64_t num_dropped);
   void TakePoses(SessionMapper& mapper, const std::vector<IngestMessage>& batches);
   /// Decodes the scan and puts it in line.
   void TakeScan(SessionMapper& mapper, IngestMessage message);
@@ -115,6 +119,7 @@ class SessionActor {
   std::atomic<bool> active_{true};
   std::atomic<std::uint64_t> num_fused_{0};
   std::atomic<std::uint64_t> num_refused_{0};
+  std::atomic<std::uint64_t> num_dropped_{0};
 
   std::thread thread_;
 };

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/base/status_macros.h"
 
 namespace gem {
@@ -73,8 +74,9 @@ void SessionMailbox::Detach(const IngestSink* sink) {
 
 SessionMailbox::Enqueued SessionMailbox::Enqueue(const IngestSink* sink, IngestMessage message) {
   MutexLock lock(mutex_);
-  if (sink_.get() != sink || stopped_) return {Verdict::kStranger, true};
+  if (sink_.get() != sink || stopped_) return {Verdict::kStranger, true, 0};
   idle_since_ = Clock::now();
+  const Clock::time_point now = message.arrived;
   const Verdict verdict = JudgeLocked(message);
   if (verdict == Verdict::kTaken) {
     queue_bytes_ += message.size_bytes;
@@ -85,7 +87,25 @@ SessionMailbox::Enqueued SessionMailbox::Enqueue(const IngestSink* sink, IngestM
     progress_.credit_bytes += message.credit_bytes;
     progress_.news = true;
   }
-  return {verdict, HasRoomLocked()};
+  const std::uint64_t num_dropped = DropLocked(now);
+  return {verdict, HasRoomLocked(), num_dropped};
+}
+
+std::uint64_t SessionMailbox::DropLocked(Clock::time_point now) {
+  std::uint64_t num_dropped = 0;
+  while (opening_.drop_oldest && scans_.size() > 1) {
+    const IngestMessage& oldest = scans_.front();
+    const Clock::duration age = now - oldest.arrived;
+    if (age <= overload_age_max_ && HasRoomLocked()) break;
+    progress_.credit_bytes += oldest.credit_bytes;
+    ReleaseLocked(oldest, IngestProblem{oldest.seq, wire::ProblemReason::kDropped,
+                                        absl::StrFormat("waited %.2f s, and newer scans came",
+                                                        std::chrono::duration<double>(age).count()),
+                                        0});
+    scans_.pop_front();
+    ++num_dropped;
+  }
+  return num_dropped;
 }
 
 SessionMailbox::Verdict SessionMailbox::JudgeLocked(const IngestMessage& message) {
@@ -162,6 +182,7 @@ SessionMailbox::Work SessionMailbox::Wait(Clock::time_point deadline) {
   Work work;
   work.stopped = stopped_;
   if (stopped_) return work;
+  work.num_dropped = DropLocked(Clock::now());
   work.poses.assign(std::make_move_iterator(poses_.begin()), std::make_move_iterator(poses_.end()));
   poses_.clear();
   if (!scans_.empty()) {

@@ -18,8 +18,12 @@ namespace gem {
 
 class SessionMailbox {
  public:
-  /// Reading stops when so many bytes wait.
-  explicit SessionMailbox(std::uint64_t queue_bytes_max) : queue_bytes_max_(queue_bytes_max) {}
+  /// Reading stops when so many bytes wait. Of a stream that drops scans, one that has waited
+  /// longer than `overload_age_max` gives way to newer ones, and so do the oldest when the queue is
+  /// full; the newest is never dropped.
+  explicit SessionMailbox(std::uint64_t queue_bytes_max,
+                          Clock::duration overload_age_max = Clock::duration::max())
+      : queue_bytes_max_(queue_bytes_max), overload_age_max_(overload_age_max) {}
 
   // For streams.
   struct Attached {
@@ -40,7 +44,8 @@ class SessionMailbox {
   };
   struct Enqueued {
     Verdict verdict = Verdict::kTaken;
-    bool may_read_on = true;  ///< false: not before OnProgress()
+    bool may_read_on = true;        ///< false: not before OnProgress()
+    std::uint64_t num_dropped = 0;  ///< scans that gave way to this message
   };
   /// Judges the order of the message and takes it in. What is not taken in is gone and waits for
   /// nothing; TakeProgress() has the news.
@@ -69,6 +74,7 @@ class SessionMailbox {
   struct Work {
     std::vector<IngestMessage> poses;   ///< all that wait
     std::optional<IngestMessage> scan;  ///< the oldest; in hand until FinishScan()
+    std::uint64_t num_dropped = 0;      ///< scans that gave way to it
     bool end_requested = false;         ///< and no scan is left
     bool stopped = false;
   };
@@ -110,6 +116,8 @@ class SessionMailbox {
   /// Every accepted scan is in hand, waits, or is done, in this order.
   std::uint64_t FusedSeqLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Verdict JudgeLocked(const IngestMessage& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Returns how many.
+  std::uint64_t DropLocked(Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool HasRoomLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ReleaseLocked(const IngestMessage& message, const std::optional<IngestProblem>& problem)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -117,6 +125,7 @@ class SessionMailbox {
 
   // Constant after construction.
   const std::uint64_t queue_bytes_max_;
+  const Clock::duration overload_age_max_;
 
   mutable Mutex mutex_;
   CondVar changed_;

@@ -129,6 +129,8 @@ std::vector<Setting> MakeSettings() {
                   "a session without a stream ends after so long, s"),
       GEM_SETTING("pose_wait_s_max", pose_wait_s_max,
                   "a scan waits so long for streamed poses around it, s"),
+      GEM_SETTING("overload_age_s_max", overload_age_s_max,
+                  "scans that have waited longer give way, if the robot wants it so, s"),
 
       GEM_SETTING("sessions_max", sessions_max, "sessions that are open at once"),
       GEM_SETTING("ended_sessions_max", ended_sessions_max, "ended sessions that are remembered"),

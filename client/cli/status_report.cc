@@ -33,6 +33,7 @@ std::string SessionJson(const SessionStatus& session) {
       ",\"connected\":", JsonBool(session.connected),
       ",\"num_scans_fused\":", session.num_scans_fused,
       ",\"num_scans_refused\":", session.num_scans_refused,
+      ",\"num_scans_dropped\":", session.num_scans_dropped,
       ",\"queue_bytes\":", session.queue_bytes, ",\"fused_seq\":", session.fused_seq, "}");
 }
 
@@ -56,14 +57,14 @@ std::string StatusTable(const ServerStatus& status, const std::vector<MapInfo>& 
                           map.cell_size_m, map.submap_length_m, map.num_submaps, map.num_points,
                           static_cast<double>(map.submap_bytes) / (1 << 20), map.num_tiles,
                           map.version.revision);
-  absl::StrAppendFormat(&text, "\n%-20s %-16s %-25s %-9s %8s %8s %10s\n", "map", "robot", "session",
-                        "state", "fused", "refused", "queue KiB");
+  absl::StrAppendFormat(&text, "\n%-20s %-16s %-25s %-9s %8s %8s %8s %10s\n", "map", "robot",
+                        "session", "state", "fused", "refused", "dropped", "queue KiB");
   for (const SessionStatus& session : status.sessions)
-    absl::StrAppendFormat(&text, "%-20s %-16s %-25s %-9s %8d %8d %10.1f\n", session.map,
-                          session.robot, session.session,
-                          !session.active ? "ended" : (session.connected ? "streaming" : "waiting"),
-                          session.num_scans_fused, session.num_scans_refused,
-                          static_cast<double>(session.queue_bytes) / 1024);
+    absl::StrAppendFormat(
+        &text, "%-20s %-16s %-25s %-9s %8d %8d %8d %10.1f\n", session.map, session.robot,
+        session.session, !session.active ? "ended" : (session.connected ? "streaming" : "waiting"),
+        session.num_scans_fused, session.num_scans_refused, session.num_scans_dropped,
+        static_cast<double>(session.queue_bytes) / 1024);
   absl::StrAppendFormat(&text, "\n%-8s %-10s %10s %10s %10s\n", "mapper", "stage", "mean ms",
                         "max ms", "count");
   for (const StageTiming& timing : status.timings)

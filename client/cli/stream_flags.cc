@@ -35,6 +35,11 @@ void AddStreamFlags(CLI::App& command, StreamFlags& flags) {
                   "How points travel: float32, int16 (in mm) or compact (4 mm, compressed; pixels "
                   "without loss)")
       ->capture_default_str();
+  command
+      .add_option("--overload", flags.overload,
+                  "When scans come faster than they can be fused: block, or drop_oldest as a "
+                  "live robot does")
+      ->capture_default_str();
   command.add_option("--cell_size_m", flags.cell_size_m, "Edge of a cell of a new map");
   command.add_option("--submap_length_m", flags.submap_length_m, "Path of a submap of a new map");
   command.add_option("--local_size_m", flags.local_size_m, "Edge of the local map");
@@ -100,6 +105,13 @@ absl::Status ParseEncoding(const std::string& text, IngestOptions& options) {
     options.compression = ScanCompression::kDeltaZstd;
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<OverloadPolicy> ParseOverload(const std::string& text) {
+  if (text == "block") return OverloadPolicy::kBlock;
+  if (text == "drop_oldest") return OverloadPolicy::kDropOldest;
+  return absl::InvalidArgumentError(
+      absl::StrCat("--overload is \"", text, "\", want block or drop_oldest"));
 }
 
 SessionSetup SetupOf(const StreamFlags& flags) {

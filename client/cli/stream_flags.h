@@ -26,6 +26,7 @@ struct StreamFlags {
   std::string rate = "max";
   std::string correct_at;
   std::string encoding = "float32";
+  std::string overload = "block";
   std::optional<std::size_t> scans;
   std::optional<float> cell_size_m;
   std::optional<float> submap_length_m;
@@ -57,6 +58,8 @@ absl::StatusOr<std::optional<double>> ParseRate(const std::string& text);
 /// Sets how points travel. "float32"; "int16": in millimetres; "compact": in steps of 4 mm, like
 /// the recordings of most LiDARs, and compressed.
 absl::Status ParseEncoding(const std::string& text, IngestOptions& options);
+
+absl::StatusOr<OverloadPolicy> ParseOverload(const std::string& text);
 
 /// Everything but the sensors.
 SessionSetup SetupOf(const StreamFlags& flags);

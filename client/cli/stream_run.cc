@@ -26,6 +26,7 @@ constexpr std::uint64_t kProblemsShownMax = 10;
 class ProblemLog {
  public:
   void Add(const IngestProblem& problem) {
+    if (problem.reason == "dropped") return;  // as was asked for; the summary counts them
     MutexLock lock(mutex_);
     if (++num_problems_ == 1) first_ = absl::StrCat("scan ", problem.seq, ": ", problem.message);
     if (num_problems_ <= kProblemsShownMax)
@@ -68,6 +69,7 @@ class StreamRun {
     GEM_ASSIGN_OR_RETURN(rate_hz_, ParseRate(flags_.rate));
     IngestOptions options;
     GEM_RETURN_IF_ERROR(ParseEncoding(flags_.encoding, options));
+    GEM_ASSIGN_OR_RETURN(options.overload, ParseOverload(flags_.overload));
     options.on_problem = [this](const IngestProblem& problem) { problems_.Add(problem); };
     sensor_ = source_.noise().along_beam ? "lidar" : "camera";
     setup_.sensors = {{sensor_, source_.T_B_S(), source_.noise()}};
@@ -145,6 +147,11 @@ class StreamRun {
                 static_cast<unsigned long long>(closed.num_scans_refused),
                 static_cast<unsigned long long>(closed.version.epoch),
                 static_cast<unsigned long long>(closed.version.revision));
+    const std::uint64_t num_dropped_here = ingest_->progress().num_dropped;
+    if (num_dropped_here + closed.num_scans_dropped > 0)
+      std::printf("dropped for newer ones: %llu scans before they were sent, %llu at the server\n",
+                  static_cast<unsigned long long>(num_dropped_here),
+                  static_cast<unsigned long long>(closed.num_scans_dropped));
     if (closed.num_scans_refused == 0) return absl::OkStatus();
     return absl::DataLossError(absl::StrCat("the server refused ", closed.num_scans_refused,
                                             " scans; the first: ", problems_.first()));

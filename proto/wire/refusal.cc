@@ -24,6 +24,8 @@ absl::string_view NameOf(ProblemReason reason) {
       return "out_of_order";
     case ProblemReason::kTooLarge:
       return "too_large";
+    case ProblemReason::kDropped:
+      return "dropped";
   }
   return "malformed";
 }

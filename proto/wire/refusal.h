@@ -19,8 +19,9 @@ enum class ProblemReason : std::uint8_t {
   kNoPose = 3,
   kOutOfOrder = 4,
   kTooLarge = 5,
+  kDropped = 6,  ///< nothing is wrong with it: newer scans came
 };
-inline constexpr int kNumProblemReasons = 6;  ///< with 0, which is not used
+inline constexpr int kNumProblemReasons = 7;  ///< with 0, which is not used
 
 /// Lower case, for metrics: "malformed", "unknown_sensor", ...
 absl::string_view NameOf(ProblemReason reason);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -261,6 +262,60 @@ TEST_F(IngestClientTest, SaysSoWhenTheServerWasRestarted) {
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_THAT(std::string(status.message()),
               HasSubstr("the server was restarted and what it had fused is lost"));
+}
+
+TEST_F(IngestClientTest, NeverWaitsWhenItMayDropScans) {
+  absl::Notification all_sent;
+  std::vector<float> xs;
+  v1::OpenSession open;
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    open = AnswerOpen(stream, 0, kScanBytes);  // one scan
+    EXPECT_EQ(ReadScan(stream).seq(), 1u);
+    all_sent.WaitForNotification();
+    Acknowledge(stream, 1, 1, 100 * kScanBytes);
+    for (std::uint64_t seq = 2; seq <= 4; ++seq) {
+      const v1::Scan scan = ReadScan(stream);
+      EXPECT_EQ(scan.seq(), seq);
+      xs.push_back(FirstX(scan));
+    }
+    Acknowledge(stream, 4, 4);
+    return AnswerClose(stream, 1);
+  };
+  IngestOptions options = Impatient();
+  options.overload = OverloadPolicy::kDropOldest;
+  options.unsent_scans_max = 3;
+  auto client = Open(options);
+  ASSERT_TRUE(client.ok()) << client.status();
+  ASSERT_TRUE(Send(**client, 1).ok());
+  // Only once it is on its way do the others not push it out.
+  while ((*client)->progress().sent_seq < 1) std::this_thread::yield();
+  for (int i = 2; i <= 20; ++i) ASSERT_TRUE(Send(**client, i).ok());
+  EXPECT_EQ((*client)->progress().num_dropped, 16u);
+  all_sent.Notify();
+  ASSERT_TRUE((*client)->WaitUntilFused().ok());
+  ASSERT_TRUE((*client)->Close().ok());
+  EXPECT_THAT(xs, ElementsAre(18, 19, 20));
+  EXPECT_EQ(open.overload(), v1::OVERLOAD_POLICY_DROP_OLDEST);
+}
+
+TEST_F(IngestClientTest, NamesTheOptionThatIsWrong) {
+  const auto text = [](const std::function<void(IngestOptions&)>& spoil) {
+    IngestOptions options;
+    spoil(options);
+    return std::string(Validate(options).message());
+  };
+  EXPECT_TRUE(Validate(IngestOptions()).ok());
+  EXPECT_EQ(text([](IngestOptions& o) { o.tries_max = 0; }), "tries_max is 0, want [1, 1000]");
+  EXPECT_EQ(text([](IngestOptions& o) { o.backoff_s_min = 6; }), "backoff_s_min is 6, want [0, 5]");
+  EXPECT_EQ(text([](IngestOptions& o) { o.unsent_scans_max = 0; }),
+            "unsent_scans_max is 0, want [1, 100000]");
+  EXPECT_EQ(text([](IngestOptions& o) { o.buffer_bytes_max = 0; }),
+            "buffer_bytes_max is 0, want [1, 1099511627776]");
+  EXPECT_THAT(text([](IngestOptions& o) { o.open_timeout_s = std::nan(""); }),
+              HasSubstr("open_timeout_s is nan"));
+  IngestOptions wrong;
+  wrong.tries_max = 0;
+  EXPECT_TRUE(absl::IsInvalidArgument(Open(wrong).status()));
 }
 
 TEST_F(IngestClientTest, SaysWhichOpeningOfTheSessionItIs) {
@@ -582,7 +637,9 @@ TEST_F(IngestClientTest, PosesOvertakeScansThatWaitForCredit) {
     }
     return AnswerClose(stream, 1);
   };
-  auto client = Open();
+  IngestOptions options = Impatient();
+  options.unsent_scans_max = 2;  // the third waits until the first is on its way
+  auto client = Open(options);
   ASSERT_TRUE(client.ok()) << client.status();
   for (int i = 1; i <= 3; ++i) ASSERT_TRUE(Send(**client, i).ok());
   for (const std::int64_t stamp_ns : {50, 150})

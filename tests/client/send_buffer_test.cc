@@ -20,7 +20,7 @@ constexpr std::uint64_t kScanBytes = 100;
 
 class SendBufferTest : public ::testing::Test {
  protected:
-  explicit SendBufferTest(std::uint64_t bytes_max = 1000) : buffer_(bytes_max) {}
+  explicit SendBufferTest(const SendBuffer::Limits& limits = {1000, 2}) : buffer_(limits) {}
 
   void AddScan(std::int64_t stamp_ns) {
     auto request = std::make_shared<v1::IngestRequest>();
@@ -109,7 +109,7 @@ TEST_F(SendBufferTest, KeepsPosesUntilTheScanAfterThemIsFused) {
 
 class LargeSendBufferTest : public SendBufferTest {
  protected:
-  LargeSendBufferTest() : SendBufferTest(1'000'000) {}
+  LargeSendBufferTest() : SendBufferTest({1'000'000, 2}) {}
 };
 
 TEST_F(LargeSendBufferTest, KeepsAllPosesWhileScansAreOnTheirWay) {
@@ -174,6 +174,86 @@ TEST_F(SendBufferTest, IsBoundedInBytesAndInNumber) {
     AddPoses(stamp_ns);
   }
   EXPECT_FALSE(buffer_.HasRoomForPoses(10));
+}
+
+class DroppingSendBufferTest : public SendBufferTest {
+ protected:
+  DroppingSendBufferTest() : SendBufferTest({1000, 3, /*drop_oldest=*/true}) {}
+};
+
+TEST_F(DroppingSendBufferTest, DropsTheOldestUnsentScansAndNumbersTheRestWithoutAGap) {
+  AddScan(10);
+  EXPECT_THAT(Write(1), ElementsAre("scan 1 at 10"));
+  for (const std::int64_t stamp_ns : {20, 30, 40, 50, 60}) {
+    EXPECT_TRUE(buffer_.HasRoomForScan(kScanBytes));
+    AddScan(stamp_ns);
+  }
+  EXPECT_EQ(buffer_.num_dropped(), 2u);
+  EXPECT_THAT(Write(), ElementsAre("scan 2 at 40", "scan 3 at 50", "scan 4 at 60"));
+}
+
+TEST_F(DroppingSendBufferTest, WhatTheServerHasNotAcceptedGivesWayToNewerScans) {
+  for (const std::int64_t stamp_ns : {10, 20, 30}) {
+    AddScan(stamp_ns);
+    Write();
+  }
+  AddScan(40);
+  ASSERT_TRUE(buffer_.Resume(1).ok());  // 20 and 30 are unsent again
+  AddScan(50);
+  EXPECT_EQ(buffer_.num_dropped(), 1u);
+  EXPECT_THAT(Write(), ElementsAre("scan 2 at 30", "scan 3 at 40", "scan 4 at 50"));
+  buffer_.Acknowledge(4);
+  EXPECT_TRUE(buffer_.all_fused());
+}
+
+TEST_F(DroppingSendBufferTest, KeepsWhatIsOnItsWayAndTheNewestWhateverTheirSize) {
+  for (std::int64_t i = 1; i <= 10; ++i) {
+    AddScan(10 * i);
+    Write();
+  }
+  AddScan(110);  // 1100 bytes: too much, but it is the newest
+  EXPECT_EQ(buffer_.num_dropped(), 0u);
+  AddScan(120);
+  EXPECT_EQ(buffer_.num_dropped(), 1u);
+  buffer_.Acknowledge(10);
+  EXPECT_THAT(Write(), ElementsAre("scan 11 at 120"));
+}
+
+TEST_F(DroppingSendBufferTest, GathersPosesIntoFewBatches) {
+  for (std::int64_t stamp_ns = 1; stamp_ns <= 5000; ++stamp_ns) AddPoses(stamp_ns);
+  AddPoses(5000);  // repeated: not in one batch with what it repeats
+  EXPECT_THAT(Write(), ElementsAre("poses 1", "poses 4097", "poses 5000"));
+}
+
+TEST_F(DroppingSendBufferTest, ForgetsPosesOfAServerThatFusesNothing) {
+  AddScan(10);
+  Write();
+  for (std::int64_t stamp_ns = 1; stamp_ns <= 100; ++stamp_ns) {
+    AddPoses(stamp_ns);
+    Write();
+  }
+  ASSERT_TRUE(buffer_.Resume(0).ok());
+  // Ten bytes each: 90 beside the scan's 100 are what 1000 hold. They are one batch now.
+  EXPECT_THAT(Write(), ElementsAre("poses 11", "scan 1 at 10"));
+}
+
+class LongSilenceTest : public SendBufferTest {
+ protected:
+  LongSilenceTest() : SendBufferTest({1'000'000, 3, /*drop_oldest=*/true}) {}
+};
+
+TEST_F(LongSilenceTest, DropsScansWithTheirPoses) {
+  // 16 batches of 4096 poses a millisecond apart, 65.536 s, are kept; then the first 4.096 s go.
+  AddScan(3'000'000'000);
+  AddScan(5'096'000'000);  // its sweep may reach back by a second
+  AddScan(5'097'000'000);
+  for (std::int64_t i = 1; i <= 16 * 4096; ++i) AddPoses(i * 1'000'000);
+  EXPECT_EQ(buffer_.num_dropped(), 0u);
+  AddPoses(std::int64_t{16 * 4096 + 1} * 1'000'000);
+  EXPECT_EQ(buffer_.num_dropped(), 2u);
+  const std::vector<std::string> written = Write();
+  EXPECT_EQ(written.front(), "poses 4097000000");
+  EXPECT_EQ(written.back(), "scan 1 at 5097000000");
 }
 
 TEST_F(SendBufferTest, BelievesNoAcknowledgementOfWhatWasNotWritten) {

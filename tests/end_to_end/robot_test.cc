@@ -108,6 +108,17 @@ TEST(Robot, WhosePosesComeTooLateIsToldAndNotHeldUp) {
   EXPECT_EQ(robot.client().progress().num_problems, closed->num_scans_refused);
 }
 
+TEST(Robot, LosesScansInsteadOfTimeIfItIsAskedTo) {
+  // The slow backend on a large window takes longer for a scan than the robot for its next one.
+  const ServerProcess server({"--backend", "reference", "--overload_age_s_max", "0.01"});
+  const Finished run =
+      Gem({"simulate", "flat", "--server", server.address(), "--rings", "16", "--azimuths", "256",
+           "--local_size_m", "40", "--scans", "60", "--overload", "drop_oldest"});
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_NE(run.output.find("dropped for newer ones: "), std::string::npos) << run.output;
+  EXPECT_NE(run.output.find(" 0 refused"), std::string::npos) << run.output;
+}
+
 TEST(Robot, SendsDepthImagesBetweenItsSweeps) {
   const ServerProcess server;
   Robot robot(server);

@@ -145,6 +145,82 @@ TEST_F(SessionMailboxTest, AnotherProcessTakesOverWhateverItsCount) {
   EXPECT_TRUE(mailbox_.Attach(std::make_shared<Sink>()).ok());
 }
 
+class OverloadTest : public testing::Test {
+ protected:
+  static constexpr std::chrono::milliseconds kAge_max{200};
+
+  void Attach(bool drop_oldest) { ASSERT_TRUE(mailbox_.Attach(sink_, {0, 0, drop_oldest}).ok()); }
+  SessionMailbox::Enqueued Enqueue(std::uint64_t seq, int at_ms, std::uint64_t bytes = 90) {
+    IngestMessage scan = ScanOf(seq, bytes);
+    scan.arrived = start_ + std::chrono::milliseconds(at_ms);
+    return mailbox_.Enqueue(sink_.get(), std::move(scan));
+  }
+
+  /// Long ago: for Wait(), which looks at the clock, everything is old.
+  const Clock::time_point start_ = Now() - std::chrono::hours(1);
+  std::shared_ptr<Sink> sink_ = std::make_shared<Sink>();
+  SessionMailbox mailbox_{1000, kAge_max};
+};
+
+TEST_F(OverloadTest, WhatHasWaitedTooLongGivesWayToWhatComes) {
+  Attach(/*drop_oldest=*/true);
+  Enqueue(1, 0);
+  Enqueue(2, 100);
+  EXPECT_EQ(Enqueue(3, 200).num_dropped, 0u);  // the first has waited exactly so long
+  EXPECT_EQ(Enqueue(4, 350).num_dropped, 2u);
+  EXPECT_EQ(mailbox_.load().queue_bytes, 200u);
+  const IngestProgress progress = mailbox_.TakeProgress(sink_.get());
+  EXPECT_EQ(progress.credit_bytes, 180u);
+  EXPECT_EQ(progress.accepted_seq, 4u);
+  EXPECT_EQ(progress.fused_seq, 2u);
+  ASSERT_EQ(progress.problems.size(), 2u);
+  EXPECT_EQ(progress.problems[1].seq, 2u);
+  EXPECT_EQ(progress.problems[1].reason, wire::ProblemReason::kDropped);
+  EXPECT_EQ(progress.problems[1].text, "waited 0.25 s, and newer scans came");
+  EXPECT_EQ(progress.problems[1].expected_seq, 0u);
+}
+
+TEST_F(OverloadTest, DroppedScansAreDoneOnlyWhenThoseBeforeThemAre) {
+  Attach(/*drop_oldest=*/true);
+  Enqueue(1, 0);
+  const SessionMailbox::Work in_hand = mailbox_.Wait(Now());
+  Enqueue(2, 10);
+  Enqueue(3, 500);
+  EXPECT_EQ(mailbox_.TakeProgress(sink_.get()).fused_seq, 0u);
+  mailbox_.FinishScan(*in_hand.scan, std::nullopt);
+  EXPECT_EQ(mailbox_.TakeProgress(sink_.get()).fused_seq, 2u);
+  EXPECT_EQ(mailbox_.Wait(Now()).scan->seq, 3u);
+}
+
+TEST_F(OverloadTest, ASessionThatWasBusyFindsTheNewestScan) {
+  Attach(/*drop_oldest=*/true);
+  for (int i = 0; i < 5; ++i) Enqueue(static_cast<std::uint64_t>(i + 1), i);
+  const SessionMailbox::Work work = mailbox_.Wait(Now());
+  EXPECT_EQ(work.num_dropped, 4u);
+  EXPECT_EQ(work.scan->seq, 5u);
+}
+
+TEST_F(OverloadTest, AFullQueueMakesRoomForTheNewest) {
+  Attach(/*drop_oldest=*/true);
+  for (std::uint64_t seq = 1; seq <= 9; ++seq) EXPECT_TRUE(Enqueue(seq, 0).may_read_on);
+  const SessionMailbox::Enqueued tenth = Enqueue(10, 0);
+  EXPECT_EQ(tenth.num_dropped, 1u);
+  EXPECT_TRUE(tenth.may_read_on);
+  EXPECT_EQ(mailbox_.load().queue_bytes, 900u);
+  const SessionMailbox::Enqueued large = Enqueue(11, 0, 2000);
+  EXPECT_EQ(large.num_dropped, 9u);  // the newest stays, too large or not
+  EXPECT_FALSE(large.may_read_on);
+  EXPECT_EQ(mailbox_.Wait(Now()).scan->seq, 11u);
+}
+
+TEST_F(OverloadTest, NothingIsDroppedOfARobotThatWouldRatherWait) {
+  Attach(/*drop_oldest=*/false);
+  for (std::uint64_t seq = 1; seq <= 9; ++seq) Enqueue(seq, static_cast<int>(1000 * seq));
+  EXPECT_FALSE(Enqueue(10, 100'000).may_read_on);
+  EXPECT_EQ(mailbox_.load().queue_bytes, 1000u);
+  EXPECT_EQ(mailbox_.Wait(Now()).scan->seq, 1u);
+}
+
 /// A robot that never sends beyond its credit, over streams that come and go.
 class CreditBook {
  public:

@@ -12,7 +12,7 @@ using ::testing::HasSubstr;
 
 ServerStatus Status() {
   ServerStatus status{"0.1.0", "cpu", 12.5, {}, {}};
-  status.sessions.push_back({"yard", "rover", "mon\"day", true, true, 10, 1, 2048, 11});
+  status.sessions.push_back({"yard", "rover", "mon\"day", true, true, 10, 1, 3, 2048, 11});
   status.timings.push_back({"local", "fuse", 4, 0.010, 0.005});
   status.timings.push_back({"local", "clear", 0, 0, 0});
   return status;
@@ -38,8 +38,9 @@ TEST(StatusReport, IsAnObjectForPrograms) {
       "\"revision\":17,\"num_submaps\":2,\"num_points\":0,\"submap_bytes\":3145728,\"num_tiles\":0,"
       "\"sessions\":[\"a\",\"b\"]}],\"sessions\":[{\"map\":\"yard\",\"robot\":\"rover\","
       "\"session\":\"mon\\\"day\",\"active\":true,\"connected\":true,\"num_scans_fused\":10,"
-      "\"num_scans_refused\":1,\"queue_bytes\":2048,\"fused_seq\":11}],\"timings\":[{\"mapper\":"
-      "\"local\",\"stage\":\"fuse\",\"count\":4,\"mean_ms\":2.5,\"max_ms\":5,\"total_s\":0.01},{"
+      "\"num_scans_refused\":1,\"num_scans_dropped\":3,\"queue_bytes\":2048,\"fused_seq\":11}],"
+      "\"timings\":[{\"mapper\":\"local\",\"stage\":\"fuse\",\"count\":4,\"mean_ms\":2.5,\"max_"
+      "ms\":5,\"total_s\":0.01},{"
       "\"mapper\":\"local\",\"stage\":\"clear\",\"count\":0,\"mean_ms\":0,\"max_ms\":0,\"total_s\":"
       "0}]}\n");
 }
@@ -49,7 +50,7 @@ TEST(StatusReport, IsATableForPeople) {
   EXPECT_THAT(table, HasSubstr("gem_server 0.1.0, backend cpu, up 12 s"));
   EXPECT_THAT(table, HasSubstr("yard                    0.25        20        2          0      "
                                "3.00       0           17"));
-  EXPECT_THAT(table, HasSubstr("streaming       10        1        2.0"));
+  EXPECT_THAT(table, HasSubstr("streaming       10        1        3        2.0"));
   EXPECT_THAT(table, HasSubstr("local    fuse            2.500      5.000          4"));
 }
 

@@ -172,6 +172,13 @@ TEST(StreamFlags, ReadHowPointsTravel) {
               HasSubstr("--encoding is \"zip\", want float32, int16 or compact"));
 }
 
+TEST(StreamFlags, ReadWhatGivesWay) {
+  EXPECT_EQ(ParseOverload("block").value(), OverloadPolicy::kBlock);
+  EXPECT_EQ(ParseOverload("drop_oldest").value(), OverloadPolicy::kDropOldest);
+  EXPECT_THAT(std::string(ParseOverload("both").status().message()),
+              HasSubstr("--overload is \"both\", want block or drop_oldest"));
+}
+
 TEST(StreamFlags, TellTheServerWhereTheRobotsBodyIs) {
   StreamFlags flags;
   EXPECT_FALSE(SetupOf(flags).body.has_value());

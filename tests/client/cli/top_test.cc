@@ -21,7 +21,7 @@ TopSample Before() {
   TopSample sample;
   ServerStatus& status = sample.status;
   status = {"0.1.0", "cpu", 10, {}, {}};
-  status.sessions.push_back({"yard", "rover", "s1", true, true, 100, 2, 0, 102, 0});
+  status.sessions.push_back({"yard", "rover", "s1", true, true, 100, 2, 0, 0, 102, 0});
   status.timings.push_back(
       {"local", "fuse", 100, 0.5, 0.08, {{0.001, 40}, {0.01, 90}, {kInf, 100}}});
   status.timings.push_back({"service", "scan", 100, 1, 0.09, {{0.1, 100}, {kInf, 100}}});
