@@ -2,7 +2,7 @@
 JOBS ?= 2
 export CTEST_OUTPUT_ON_FAILURE = 1
 
-.PHONY: all build demo evaluate bench bench-serving soak test test-asan test-tsan test-deploy golden fuzz lint format tidy deps clean help
+.PHONY: all build demo evaluate bench bench-serving soak test test-asan test-tsan test-deploy test-node golden fuzz lint format tidy deps clean help
 
 all: build
 
@@ -20,6 +20,7 @@ help:
 	@echo "make fuzz       every fuzzer for SECONDS_EACH=60 seconds, JOBS=2 at a time"
 	@echo "make test-tsan  tests under ThreadSanitizer"
 	@echo "make test-deploy dashboards, rules and alerts against a loaded server that Prometheus watches"
+	@echo "make test-node  a client in Node, from the .proto files and ENCODINGS.md alone, against a server"
 	@echo "make golden     write the golden vectors of ENCODINGS.md anew, after a change of what it says"
 	@echo "make clean      remove build/ and out/"
 
@@ -76,6 +77,9 @@ test-tsan: build/tsan/build.ninja
 test-deploy: build
 	deploy/install_dependencies.sh --deploy
 	GEM_BIN=$(CURDIR)/build/release/bin /usr/bin/python3 -B -m unittest discover -s tests/deploy -p '*_test.py'
+
+test-node: build
+	deploy/test_node.sh build/release/bin
 
 lint:
 	deploy/lint.sh format

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs what building and testing need on Debian 12, if it is missing. Asks apt nothing when all is there.
-#   deploy/install_dependencies.sh [--lint] [--deploy]     also for checking the sources; for testing what is in deploy/
+#   deploy/install_dependencies.sh [--lint] [--deploy] [--node]
+# Also what is needed for checking the sources, for testing what is in deploy/, for the client in tests/node.
 set -euo pipefail
 
 packages=(
@@ -14,7 +15,8 @@ for option in "$@"; do
   case $option in
     --lint) packages+=(clang clang-tidy clang-format libclang-rt-14-dev) ;;
     --deploy) packages+=(python3 python3-yaml prometheus systemd) ;;
-    *) echo "install_dependencies: $option is unknown, want --lint or --deploy" >&2; exit 2 ;;
+    --node) command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm) ;; # whoever made them
+    *) echo "install_dependencies: $option is unknown, want --lint, --deploy or --node" >&2; exit 2 ;;
   esac
 done
 
