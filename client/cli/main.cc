@@ -21,6 +21,7 @@
 #include "client/cli/status_command.h"
 #include "client/cli/terrain_commands.h"
 #include "client/cli/top_command.h"
+#include "client/cli/watch_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Client of the GEM elevation mapping server");
@@ -36,6 +37,7 @@ int main(int argc, char** argv) {
   gem::client::AddSampleCommand(app, run);
   gem::client::AddCheckPathCommand(app, run, exit_code);
   gem::client::AddTopCommand(app, run);
+  gem::client::AddWatchCommand(app, run);
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
   gem::client::AddBenchCorrectionsCommand(*app.get_subcommand("bench"), run);
