@@ -58,12 +58,16 @@ struct TcpProxy::Link {
   int server = -1;
   Fault fault;
   std::size_t up_bytes = 0;
+  std::size_t down_bytes = 0;
   bool struck = false;
   bool up_ended = false;  ///< nothing more is read from the client
   std::string held;       ///< what the client said, for later
   bool spoke_up = false;  ///< it was passed on
   Clock::time_point stalled_until;
 
+  bool waits_to_strike(Fault::Counts whose) const {
+    return !struck && fault.kind != Fault::Kind::kNone && fault.counts == whose;
+  }
   bool stalls() const {
     return struck && (fault.kind == Fault::Kind::kStall || fault.kind == Fault::Kind::kLate) &&
            client >= 0;
@@ -134,8 +138,8 @@ void TcpProxy::Accept() {
 void TcpProxy::PassUp(Link& link) {
   std::array<char, 16 << 10> buffer;
   std::size_t wanted = buffer.size();
-  const bool has_fault = link.fault.kind != Fault::Kind::kNone;
-  if (has_fault && !link.struck) wanted = std::min(wanted, link.fault.after_bytes - link.up_bytes);
+  const bool may_strike = link.waits_to_strike(Fault::Counts::kClient);
+  if (may_strike) wanted = std::min(wanted, link.fault.after_bytes - link.up_bytes);
   const ssize_t got = wanted == 0 ? 0 : ::recv(link.client, buffer.data(), wanted, 0);
   if (wanted > 0 && got <= 0) {
     // The client has hung up: the server hears it, unless it is to hear it late.
@@ -152,16 +156,22 @@ void TcpProxy::PassUp(Link& link) {
   if (!SendAll(link.server, buffer.data(), size_bytes)) return link.CloseBoth();
   link.up_bytes += size_bytes;
   bytes_passed_ += size_bytes;
-  if (has_fault && !link.struck && link.up_bytes >= link.fault.after_bytes) Strike(link);
+  if (may_strike && link.up_bytes >= link.fault.after_bytes) Strike(link);
 }
 
 void TcpProxy::PassDown(Link& link) {
   std::array<char, 16 << 10> buffer;
-  const ssize_t got = ::recv(link.server, buffer.data(), buffer.size(), 0);
-  if (got <= 0) return link.CloseBoth();
+  std::size_t wanted = buffer.size();
+  const bool may_strike = link.waits_to_strike(Fault::Counts::kServer);
+  if (may_strike) wanted = std::min(wanted, link.fault.after_bytes - link.down_bytes);
+  const ssize_t got = wanted == 0 ? 0 : ::recv(link.server, buffer.data(), wanted, 0);
+  if (wanted > 0 && got <= 0) return link.CloseBoth();
   // Nobody is there to hear the answers to what comes late.
   if (link.client < 0) return;
-  if (!SendAll(link.client, buffer.data(), static_cast<std::size_t>(got))) link.CloseBoth();
+  const auto size_bytes = static_cast<std::size_t>(got);
+  if (!SendAll(link.client, buffer.data(), size_bytes)) return link.CloseBoth();
+  link.down_bytes += size_bytes;
+  if (may_strike && link.down_bytes >= link.fault.after_bytes) Strike(link);
 }
 
 void TcpProxy::Strike(Link& link) {

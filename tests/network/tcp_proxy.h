@@ -11,7 +11,7 @@
 
 namespace gem::test {
 
-/// What becomes of one connection once so many bytes of the client have been passed on.
+/// What becomes of one connection once so many bytes have been passed on.
 struct Fault {
   enum class Kind {
     kNone,
@@ -25,6 +25,9 @@ struct Fault {
   };
   Kind kind = Kind::kNone;
   std::size_t after_bytes = 0;
+  /// Whose bytes are counted.
+  enum class Counts { kClient, kServer };
+  Counts counts = Counts::kClient;
 };
 
 class TcpProxy {
