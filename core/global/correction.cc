@@ -31,6 +31,22 @@ SessionTrajectory::SessionTrajectory(const Pose<Global, Odom>& T_G_O,
                                      std::size_t odometry_poses_max)
     : initial_T_G_O_(RoundPose(T_G_O)), odometry_poses_max_(odometry_poses_max) {}
 
+SessionTrajectory::SessionTrajectory(const State& state, std::size_t odometry_poses_max)
+    : initial_T_G_O_(state.initial_T_G_O), odometry_poses_max_(odometry_poses_max) {
+  for (const StampedPose<Odom, Base>& pose : state.odometry)
+    odometry_.Append(pose.stamp_ns, pose.T_A_B);
+  knots_.reserve(state.corrections.size());
+  for (const StampedPose<Global, Odom>& knot : state.corrections)
+    knots_.push_back({knot.stamp_ns, knot.T_A_B});
+}
+
+SessionTrajectory::State SessionTrajectory::state() const {
+  State state{initial_T_G_O_, odometry_.poses(), {}};
+  state.corrections.reserve(knots_.size());
+  for (const Knot& knot : knots_) state.corrections.push_back({knot.stamp_ns, knot.T_G_O});
+  return state;
+}
+
 void SessionTrajectory::AppendOdometry(std::int64_t stamp_ns, const Pose<Odom, Base>& T_O_B) {
   // Of a rest only its first and its last pose are kept. Only equal poses are a rest: a correction
   // of any pose in it must find the very pose that SLAM saw.

@@ -33,6 +33,16 @@ class SessionTrajectory {
   /// odometry_poses_max: at least 2.
   SessionTrajectory(const Pose<Global, Odom>& T_G_O, std::size_t odometry_poses_max);
 
+  /// What it knows, without the poses of a correction that lie ahead of the odometry.
+  struct State {
+    Pose<Global, Odom> initial_T_G_O;  ///< of the session's opening, rounded
+    std::vector<StampedPose<Odom, Base>> odometry;
+    std::vector<StampedPose<Global, Odom>> corrections;  ///< C at the correction's stamps
+  };
+  State state() const;
+  /// As it was, bit for bit. Stamps increase strictly.
+  SessionTrajectory(const State& state, std::size_t odometry_poses_max);
+
   /// stamp_ns must be newer than the newest. A robot that stands still costs no memory; at the
   /// limit the older half is thinned out.
   void AppendOdometry(std::int64_t stamp_ns, const Pose<Odom, Base>& T_O_B);

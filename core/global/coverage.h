@@ -26,6 +26,15 @@ CellRect RectUnder(const CellBox& box, const Eigen::Matrix3d& R_A_F, const Eigen
 /// What a group of the submap may show in a tile, the sides of its steps included.
 CellBox BoxOf(const Submap& submap, const Submap::Group& group);
 
+/// How many squares of 2^bits cells the rectangle touches.
+inline std::uint64_t NumSquares(const CellRect& rect, int bits) {
+  if (rect.empty()) return 0;
+  const auto along = [bits](std::int32_t min, std::int32_t max) {
+    return static_cast<std::uint64_t>(((max - 1) >> bits) - (min >> bits)) + 1;
+  };
+  return along(rect.min.x, rect.max.x) * along(rect.min.y, rect.max.y);
+}
+
 /// Appends the indices of the squares of 2^bits cells that the rectangle touches. Square:
 /// TileIndex, or CellIndex for groups.
 template <typename Square>

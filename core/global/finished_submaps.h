@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/container/btree_map.h"
@@ -35,6 +36,16 @@ class FinishedSubmaps {
 
   const absl::btree_map<SubmapId, Stored>& all() const { return stored_; }
 
+  /// As they were when the map was written down: `left` counts only for those that are hidden and
+  /// in no other state of the map.
+  void Load(SubmapId id, Stored stored) { stored_[id] = std::move(stored); }
+  void LoadRetracted(const std::string& session) { retracted_.insert(session); }
+  /// T_G_K at which it was hidden as a whole, if the map is as it was then.
+  std::optional<Pose<Global, Submap>> LeftAt(const Stored& stored) const {
+    if (!stored.left.has_value() || stored.left->state != state_) return std::nullopt;
+    return stored.left->T_G_K;
+  }
+
   /// A new one; hidden if its session is retracted.
   void Add(SubmapId id, std::shared_ptr<const Submap> submap);
   /// Hides what a session contributed that is not retracted. placed: as published, by id.
@@ -52,8 +63,8 @@ class FinishedSubmaps {
   /// True for a submap that comes back to a map that is as it was when it left: maintenance has
   /// looked at it then.
   bool CameBack(const Stored& stored, const Pose<Global, Submap>& T_G_K) const {
-    return stored.left.has_value() && stored.left->state == state_ &&
-           Identical(stored.left->T_G_K, T_G_K);
+    const std::optional<Pose<Global, Submap>> left = LeftAt(stored);
+    return left.has_value() && Identical(*left, T_G_K);
   }
 
   /// What hidden cells occupy.

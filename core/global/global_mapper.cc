@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -26,6 +27,16 @@ struct Session {
   Session(const std::string& session, const std::string& robot_name,
           const Pose<Global, Odom>& T_G_O, std::size_t odometry_poses_max)
       : name(session), robot(robot_name), trajectory(T_G_O, odometry_poses_max) {}
+  Session(const SessionState& state, std::size_t odometry_poses_max)
+      : name(state.session),
+        robot(state.robot),
+        trajectory(state.trajectory, odometry_poses_max),
+        active(state.active),
+        active_id(state.active_id),
+        local_field(state.local_map == nullptr
+                        ? nullptr
+                        : std::make_shared<const LocalField>(state.local_map)),
+        ended(true) {}
 
   std::string name;
   std::string robot;
@@ -127,6 +138,12 @@ struct GlobalMapper::Impl {
   }
 
   SubmapId IdOf(Session& session, const Submap& submap);
+  /// Enters what the state holds; places and renders nothing.
+  void Load(const MapState& state);
+  /// RESOURCE_EXHAUSTED if what is to be placed may fill more than tiles_max tiles. Counts before
+  /// anything is made for them.
+  absl::Status CheckTiles(std::uint64_t tiles_max) const;
+  Pose<Global, Submap> T_G_K(const Submap& submap) const;
   std::vector<CollectedSubmap> CollectSubmaps() const;
   void PlaceSubmaps(const std::vector<CollectedSubmap>& collected, MapContent& next,
                     absl::flat_hash_set<SubmapId>& changed, CommitReport& report) const;
@@ -143,6 +160,8 @@ struct GlobalMapper::Impl {
   absl::flat_hash_map<std::string, Session*> session_of;
   FinishedSubmaps finished;
   std::uint64_t last_id = 0;
+
+  bool as_it_was = false;  ///< loaded, and not published yet: maintenance has looked at it before
 
   // What is published. A commit compares the two, so that one that is cancelled loses nothing.
   MapContent content;
@@ -246,6 +265,7 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Commit(const CancelToken& cance
   impl_->PlaceLocalMaps(next);
   report.seconds.deform = stopwatch.Lap();
 
+  if (impl_->as_it_was) changed.clear();
   Maintenance maintenance = Maintain(std::move(next.submaps), changed, impl_->options, cancel);
   report.seconds.merge = changed.empty() ? 0 : stopwatch.Lap();
   if (maintenance.cancelled) return cancelled();
@@ -267,8 +287,88 @@ std::shared_ptr<const MapSnapshot> GlobalMapper::Commit(const CancelToken& cance
   report.num_merged_submaps = maintenance.num_merged;
   report.num_touched_tiles = static_cast<std::uint32_t>(composed.rendered.size());
   if (!changed.empty()) impl_->finished.NoteChange();
+  impl_->as_it_was = false;
   snapshot_ = impl_->Publish(snapshot_, std::move(fresh), std::move(next), composed);
   return snapshot_;
+}
+
+absl::StatusOr<std::unique_ptr<GlobalMapper>> GlobalMapper::FromState(const MapState& state,
+                                                                      std::uint64_t epoch,
+                                                                      std::uint64_t tiles_max) {
+  auto mapper = std::make_unique<GlobalMapper>(state.options, epoch);
+  mapper->impl_->Load(state);
+  GEM_RETURN_IF_ERROR(mapper->impl_->CheckTiles(tiles_max));
+  return mapper;
+}
+
+void GlobalMapper::Impl::Load(const MapState& state) {
+  for (const SessionState& session : state.sessions) {
+    sessions.emplace_back(session, static_cast<std::size_t>(options.odometry_poses_max));
+    session_of[session.session] = &sessions.back();
+    if (session.retracted) finished.LoadRetracted(session.session);
+  }
+  for (const FinishedSubmapState& submap : state.submaps) {
+    FinishedSubmaps::Stored stored{submap.seen, submap.hidden, {}};
+    if (submap.left_T_G_K.has_value()) stored.left = {*submap.left_T_G_K, 0};
+    finished.Load(submap.id, std::move(stored));
+  }
+  last_id = state.last_submap_id;
+  as_it_was = true;
+}
+
+MapState GlobalMapper::State() const {
+  MapState state{impl_->options, snapshot_->version, impl_->last_id, {}, {}};
+  for (const Session& session : impl_->sessions)
+    state.sessions.push_back(
+        {session.name, session.robot, session.trajectory.state(), session.ended,
+         impl_->finished.IsRetracted(session.name), session.active_id, session.active,
+         session.local_field == nullptr ? nullptr : session.local_field->shared_map()});
+  for (const auto& [id, stored] : impl_->finished.all())
+    state.submaps.push_back({id, stored.seen, stored.hidden, impl_->finished.LeftAt(stored)});
+  return state;
+}
+
+absl::Status GlobalMapper::Impl::CheckTiles(std::uint64_t tiles_max) const {
+  // A group of cells lies on a few tiles, unless it leans by more than any ground.
+  constexpr std::uint64_t kTouchesPerTile_max = 256;
+  const std::uint64_t touches_max =
+      tiles_max > std::numeric_limits<std::uint64_t>::max() / kTouchesPerTile_max
+          ? std::numeric_limits<std::uint64_t>::max()
+          : tiles_max * kTouchesPerTile_max;
+  std::uint64_t num_touches = 0;
+  std::vector<TileIndex> touched;
+  absl::flat_hash_set<TileIndex> tiles;
+  const auto touch = [&](const CellBox& box, const auto& pose) {
+    const CellRect rect = RectUnder(box, pose.matrix(), pose.translation(), options.cell_size_m);
+    num_touches += NumSquares(rect, kTileBits);
+    if (num_touches > touches_max) return false;
+    touched.clear();
+    AppendSquares(rect, kTileBits, touched);
+    tiles.insert(touched.begin(), touched.end());
+    return tiles.size() <= tiles_max;
+  };
+  bool fits = true;
+  // Hidden ones too: they may come back.
+  const auto touch_submap = [&](const std::shared_ptr<const Submap>& submap) {
+    if (submap == nullptr) return;
+    const Pose<Global, Submap> pose = T_G_K(*submap);
+    for (const Submap::Group& group : submap->groups())
+      fits = fits && touch(BoxOf(*submap, group), pose);
+  };
+  for (const auto& [id, stored] : finished.all()) {
+    touch_submap(stored.seen);
+    touch_submap(stored.hidden);
+  }
+  for (const Session& session : sessions) {
+    touch_submap(session.active);
+    if (session.local_field == nullptr || session.local_field->empty()) continue;
+    const LocalField& field = *session.local_field;
+    fits = fits && touch({field.rect(), field.elevation_m_min(), field.elevation_m_max()},
+                         session.trajectory.T_G_O(field.map().stamp_ns));
+  }
+  if (fits) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("the map lies on more tiles than ", tiles_max, ", want at most so many"));
 }
 
 // The active submap keeps its id when it is finished.
@@ -294,6 +394,12 @@ std::vector<GlobalMapper::Impl::CollectedSubmap> GlobalMapper::Impl::CollectSubm
   return collected;
 }
 
+Pose<Global, Submap> GlobalMapper::Impl::T_G_K(const Submap& submap) const {
+  const SubmapOrigin& origin = submap.origin();
+  return session_of.at(origin.session)->trajectory.T_G_O(submap.parts(), origin.T_O_K) *
+         origin.T_O_K;
+}
+
 // A submap that is as it was keeps its placement: then it touches nothing.
 void GlobalMapper::Impl::PlaceSubmaps(const std::vector<CollectedSubmap>& collected,
                                       MapContent& next, absl::flat_hash_set<SubmapId>& changed,
@@ -301,10 +407,7 @@ void GlobalMapper::Impl::PlaceSubmaps(const std::vector<CollectedSubmap>& collec
   auto before = content.submaps.begin();
   next.submaps.reserve(collected.size());
   for (const CollectedSubmap& is : collected) {
-    const SubmapOrigin& origin = is.submap->origin();
-    const Pose<Global, Submap> T_G_K =
-        session_of.at(origin.session)->trajectory.T_G_O(is.submap->parts(), origin.T_O_K) *
-        origin.T_O_K;
+    const Pose<Global, Submap> T_G_K = this->T_G_K(*is.submap);
     while (before != content.submaps.end() && (*before)->id < is.id) ++before;
     const bool is_new = before == content.submaps.end() || (*before)->id != is.id;
     const bool moved = !is_new && !Identical((*before)->T_G_K, T_G_K);

@@ -15,6 +15,7 @@
 #include "core/global/correction.h"
 #include "core/global/global_map_options.h"
 #include "core/global/map_snapshot.h"
+#include "core/global/map_state.h"
 #include "core/global/retraction.h"
 #include "core/global/submap.h"
 #include "core/local/local_map.h"
@@ -52,6 +53,12 @@ class GlobalMapper {
  public:
   /// options are valid. epoch: the version's epoch.
   GlobalMapper(const GlobalMapOptions& options, std::uint64_t epoch);
+  /// The map of a state, of whose sessions none goes on: each is ended, with a submap and a local
+  /// map that stay as they were. The state is valid. The first Commit publishes it, the same cells
+  /// as before. RESOURCE_EXHAUSTED if it may fill more than tiles_max tiles.
+  static absl::StatusOr<std::unique_ptr<GlobalMapper>> FromState(const MapState& state,
+                                                                 std::uint64_t epoch,
+                                                                 std::uint64_t tiles_max);
   ~GlobalMapper();
   GlobalMapper(const GlobalMapper&) = delete;
   GlobalMapper& operator=(const GlobalMapper&) = delete;
@@ -86,6 +93,10 @@ class GlobalMapper {
 
   /// Never null.
   std::shared_ptr<const MapSnapshot> snapshot() const { return snapshot_; }
+
+  /// What the newest snapshot was made of, if nothing has been told since. Copies trajectories and
+  /// shares the rest.
+  MapState State() const;
 
  private:
   struct Impl;

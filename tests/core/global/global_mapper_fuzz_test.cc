@@ -61,6 +61,9 @@ class History {
     return mapper.Commit(CancelToken(), report);
   }
 
+  CorrectedTrajectory CorrectionOf(const std::string& session) {
+    return RandomCorrection(robots_.at(session));
+  }
   bool everybody_is_retracted() const {
     return std::all_of(robots_.begin(), robots_.end(),
                        [](const auto& each) { return each.second.retracted; });
@@ -201,6 +204,75 @@ TEST_P(RandomHistory, RetractionsAreCleanAndCanBeUndone) {
     ASSERT_TRUE(mapper.Retract(out, true).ok());
     ASSERT_TRUE(test::SameCells(*mapper.Commit(CancelToken(), report), *whole)) << out;
   }
+}
+
+// What was merged, hidden, corrected or still growing: the map of its state looks the same, and
+// goes on to look the same whatever is done to both.
+TEST_P(RandomHistory, AMapIsTheSameAsThatOfItsState) {
+  GlobalMapper mapper(GlobalMapOptions{}, 1);
+  History history(GetParam());
+  CommitReport report;
+  for (int step = 0; step < 60; ++step) {
+    history.Step(mapper);
+    if (testing::Test::HasFatalFailure()) return;
+    mapper.Commit(CancelToken(), report);
+  }
+  auto loaded = GlobalMapper::FromState(mapper.State(), 2, 10'000);
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  GlobalMapper& copy = **loaded;
+  const auto compare = [&](const std::string& after) {
+    const auto a = mapper.Commit(CancelToken(), report);
+    const auto b = copy.Commit(CancelToken(), report);
+    EXPECT_TRUE(test::SameLevels(*a, *b)) << after;
+    EXPECT_EQ(a->num_points, b->num_points) << after;
+    EXPECT_EQ(a->submaps.size(), b->submaps.size()) << after;
+    EXPECT_TRUE(b->sessions.empty() || b->sessions.front().ended);
+  };
+  compare("loading");
+  EXPECT_EQ(copy.snapshot()->version, (MapVersion{2, 1}));
+  for (const std::string& session : history.sessions()) {
+    const bool retracted = GetParam() % 2 == 0;
+    ASSERT_TRUE(mapper.Retract(session, retracted).ok() && copy.Retract(session, retracted).ok());
+    compare("retracting or restoring " + session);
+    const CorrectedTrajectory correction = history.CorrectionOf(session);
+    ASSERT_TRUE(mapper.Correct(session, correction).ok() && copy.Correct(session, correction).ok());
+    compare("correcting " + session);
+    ASSERT_TRUE(mapper.Retract(session, !retracted).ok() && copy.Retract(session, !retracted).ok());
+    compare("the other of the two " + session);
+  }
+}
+
+// Maintenance looked at it before it was written down: a second look would change cells.
+TEST(MapOfAState, IsNotMaintainedBeforeItIsPublished) {
+  GlobalMapOptions options;
+  options.merge_overlap_min = 2;
+  GlobalMapper mapper(options, 1);
+  ASSERT_TRUE(mapper.AddSession("s", "r", {}).ok());
+  for (const std::int64_t stamp_ns : {1, 2}) {
+    const auto square =
+        test::MakeSubmap("s", stamp_ns, test::AtCells(0, 0), {{0, 0}, {9, 9}}, test::Flat(1));
+    ASSERT_TRUE(mapper.Update("s", {.odometry = {{stamp_ns, {}}}, .finished = {square}}).ok());
+  }
+  CommitReport report;
+  mapper.Commit(CancelToken(), report);
+  MapState state = mapper.State();
+  state.options.merge_overlap_min = 0.5f;
+  auto loaded = GlobalMapper::FromState(state, 2, 100);
+  ASSERT_TRUE(loaded.ok());
+  EXPECT_EQ((*loaded)->Commit(CancelToken(), report)->submaps.size(), 2u);
+  ASSERT_TRUE((*loaded)->Correct("s", {{1, Pose<Global, Base>::FromTranslation(1, 0, 0)}}).ok());
+  EXPECT_EQ((*loaded)->Commit(CancelToken(), report)->submaps.size(), 1u);
+}
+
+TEST(MapOfAState, IsRefusedIfItLiesOnTooManyTiles) {
+  GlobalMapper mapper(GlobalMapOptions{}, 1);
+  ASSERT_TRUE(mapper.AddSession("s", "r", {}).ok());
+  ASSERT_TRUE(mapper.Update("s", {.local_map = test::MakeLocalMap({-10, 0}, 20, 1, 1)}).ok());
+  CommitReport report;
+  mapper.Commit(CancelToken(), report);
+  EXPECT_TRUE(GlobalMapper::FromState(mapper.State(), 2, 2).ok());
+  EXPECT_EQ(GlobalMapper::FromState(mapper.State(), 2, 1).status().message(),
+            "the map lies on more tiles than 1, want at most so many");
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomHistory, testing::Range(0u, 12u));

@@ -93,12 +93,21 @@ inline std::size_t NumKnown(const MapSnapshot& snapshot) {
 }
 
 /// Same tiles with the same cells; versions may differ.
-inline bool SameCells(const MapSnapshot& a, const MapSnapshot& b) {
-  if (a.tiles.size() != b.tiles.size()) return false;
-  for (const auto& [index, tile] : a.tiles) {
-    const auto other = b.tiles.find(index);
-    if (other == b.tiles.end() || other->second->cells != tile->cells) return false;
+inline bool SameCells(const TileMap& a, const TileMap& b) {
+  if (a.size() != b.size()) return false;
+  for (const auto& [index, tile] : a) {
+    const auto other = b.find(index);
+    if (other == b.end() || other->second->cells != tile->cells) return false;
   }
+  return true;
+}
+inline bool SameCells(const MapSnapshot& a, const MapSnapshot& b) {
+  return SameCells(a.tiles, b.tiles);
+}
+/// The same at every level.
+inline bool SameLevels(const MapSnapshot& a, const MapSnapshot& b) {
+  for (int level = 0; level <= kLevelMax; ++level)
+    if (!SameCells(a.TilesOf(level), b.TilesOf(level))) return false;
   return true;
 }
 
