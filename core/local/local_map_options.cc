@@ -11,7 +11,6 @@ namespace gem {
 namespace {
 
 constexpr int kSideCells_min = 5;  // one neighbourhood of a plane fit
-constexpr int kSideCells_max = 1024;
 
 absl::Status OutOfRange(const char* field, double value, const std::string& range) {
   return absl::InvalidArgumentError(
@@ -46,9 +45,9 @@ double SideInCells(const LocalMapOptions& options) {
 absl::Status ValidateWindow(const LocalMapOptions& options) {
   GEM_RETURN_IF_ERROR(InClosed("cell_size_m", options.cell_size_m, kCellSizeMin_m, kCellSizeMax_m));
   const double side_cells = SideInCells(options);
-  if (side_cells >= kSideCells_min && side_cells <= kSideCells_max) return absl::OkStatus();
+  if (side_cells >= kSideCells_min && side_cells <= kLocalSideCells_max) return absl::OkStatus();
   return OutOfRange("side_m", options.side_m,
-                    absl::StrCat(kSideCells_min, " to ", kSideCells_max, " cells of ",
+                    absl::StrCat(kSideCells_min, " to ", kLocalSideCells_max, " cells of ",
                                  options.cell_size_m, " m"));
 }
 

@@ -7,6 +7,9 @@
 
 namespace gem {
 
+/// Cells a side of the window, at most.
+inline constexpr int kLocalSideCells_max = 1024;
+
 /// The robot's own body in B, metres: points inside are not terrain.
 struct BodyBox {
   float x_m_min = 0, y_m_min = 0, z_m_min = 0;

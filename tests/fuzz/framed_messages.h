@@ -8,7 +8,7 @@
 
 namespace gem::fuzz {
 
-inline constexpr std::size_t kFramedMessagesMax = 16;
+inline constexpr std::size_t kFramedMessagesMax = 32;
 
 /// At least one, which may be empty. Views of `bytes`.
 inline std::vector<std::string_view> FramedMessages(std::string_view bytes) {

@@ -4,6 +4,7 @@
 
 #include "core/base/check.h"
 #include "tests/fuzz/decoders.h"
+#include "tests/fuzz/map_files.h"
 #include "tests/fuzz/server_calls.h"
 
 namespace gem::fuzz {
@@ -13,6 +14,7 @@ const std::vector<Target>& Targets() {
       {"ingest_request", IngestRequest, IngestRequestSeeds, 5000},
       {"tile", Tile, TileSeeds, 2000},
       {"local_map", LocalMap, LocalMapSeeds, 2000},
+      {"map_file", MapFile, MapFileSeeds, 2000},
       {"server_call", ServerCall, ServerCallSeeds, 50},
   };
   return *targets;
