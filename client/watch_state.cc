@@ -55,9 +55,11 @@ absl::Status WatchState::WaitUntil(const std::function<bool()>& there, double ti
   while (!there()) {
     if (stats_.ended) return stats_.error;
     if (changed_.WaitUntil(mutex_, deadline) || there()) continue;
-    return absl::DeadlineExceededError(absl::StrCat(
-        "nothing new within ", timeout_s, " s",
-        stats_.error.ok() ? std::string() : absl::StrCat("; ", stats_.error.ToString())));
+    // Why an earlier stream broke means nothing any more once the server answers.
+    const bool reached = stats_.connected || stats_.error.ok();
+    return absl::DeadlineExceededError(
+        absl::StrCat("nothing new within ", timeout_s, " s",
+                     reached ? std::string() : absl::StrCat("; ", stats_.error.ToString())));
   }
   return absl::OkStatus();
 }

@@ -83,6 +83,8 @@ TEST(WatchState, AWaitSaysWhyThereIsNothing) {
   status = state.WaitUntil(never, 0);
   EXPECT_TRUE(absl::IsDeadlineExceeded(status));
   EXPECT_THAT(std::string(status.message()), HasSubstr("1.2.3.4:5: refused"));
+  state.Receive(1, true, false);
+  EXPECT_EQ(state.WaitUntil(never, 0).message(), "nothing new within 0 s") << "it is back";
   state.Break(absl::InvalidArgumentError("level is 9"), true);
   EXPECT_TRUE(absl::IsInvalidArgument(state.WaitUntil(never, 1e9))) << "it has ended";
   EXPECT_TRUE(state.WaitUntil([] { return true; }, 0).ok());
