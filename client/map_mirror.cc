@@ -101,16 +101,7 @@ class MapMirror::Impl {
   }
 
   absl::StatusOr<Taken> Take(const v1::WatchTilesResponse& response) {
-    MirrorPart part;
-    if (response.has_base()) part.base = wire::FromProto(response.base());
-    part.version = wire::FromProto(response.version());
-    part.reset = response.reset();
-    part.complete = response.complete();
-    part.tiles.reserve(static_cast<std::size_t>(response.tiles_size()));
-    for (const v1::Tile& proto : response.tiles()) {
-      GEM_ASSIGN_OR_RETURN(MapTile tile, DecodeTile(proto, options_.level, options_.cells));
-      part.tiles.push_back(std::move(tile));
-    }
+    GEM_ASSIGN_OR_RETURN(MirrorPart part, DecodePart(response, options_.level, options_.cells));
     const bool holds_one = store_.held().has_value();
     GEM_ASSIGN_OR_RETURN(const MirrorStore::Taken taken, store_.Take(std::move(part)));
     resets_ = resets_ || response.reset();

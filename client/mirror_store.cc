@@ -44,7 +44,8 @@ absl::Status MirrorStore::Continue(const MirrorPart& part) {
     return absl::OkStatus();
   }
   const bool after_reset = change_.has_value() && change_->reset;
-  if (!after_reset && part.base != held())
+  // Nothing is no base, although nothing is held.
+  if (!after_reset && (!part.base || part.base != held()))
     return absl::AbortedError(absl::StrCat("the server sent a change of ", NameOf(part.base),
                                            ", want one of ", NameOf(held()), ", which is held"));
   if (!change_) change_ = Change{false, {}, newest_->tiles.size()};

@@ -66,6 +66,25 @@ absl::StatusOr<MapTile> DecodeTile(const v1::Tile& proto, int level,
   return tile;
 }
 
+absl::StatusOr<MirrorPart> DecodePart(const v1::WatchTilesResponse& proto, int level,
+                                      const CellSelection& selection) {
+  MirrorPart part;
+  if (proto.has_base()) part.base = wire::FromProto(proto.base());
+  part.version = wire::FromProto(proto.version());
+  part.reset = proto.reset();
+  part.complete = proto.complete();
+  part.num_versions_skipped = proto.num_versions_skipped();
+  part.tiles.reserve(static_cast<std::size_t>(proto.tiles_size()));
+  for (const v1::Tile& tile_proto : proto.tiles()) {
+    GEM_ASSIGN_OR_RETURN(MapTile tile, DecodeTile(tile_proto, level, selection));
+    // Without cells it would pass for one that went.
+    if (tile_proto.not_modified())
+      return absl::InternalError("the server sent a tile of a change as not modified");
+    part.tiles.push_back(std::move(tile));
+  }
+  return part;
+}
+
 absl::StatusOr<LocalMap> DecodeLocalMap(const v1::LocalMap& proto, const CellSelection& selection) {
   GEM_ASSIGN_OR_RETURN(wire::DecodedLocalMap decoded,
                        wire::FromProto(proto, wire::FieldPath("local_map")));

@@ -5,11 +5,13 @@
 #include "absl/status/statusor.h"
 #include "client/map_client.h"
 #include "client/map_types.h"
+#include "client/mirror_store.h"
 
 namespace gem::v1 {
 class GetTileMatrixResponse;
 class LocalMap;
 class Tile;
+class WatchTilesResponse;
 }  // namespace gem::v1
 
 namespace gem::client {
@@ -20,6 +22,10 @@ absl::StatusOr<TileMatrix> DecodeTileMatrix(const v1::GetTileMatrixResponse& pro
 /// INTERNAL for a tile of another level or size, or without a layer of the selection.
 absl::StatusOr<MapTile> DecodeTile(const v1::Tile& proto, int level,
                                    const CellSelection& selection);
+
+/// INTERNAL for a tile that is no news, too.
+absl::StatusOr<MirrorPart> DecodePart(const v1::WatchTilesResponse& proto, int level,
+                                      const CellSelection& selection);
 
 /// INTERNAL for a map without a layer of the selection.
 absl::StatusOr<LocalMap> DecodeLocalMap(const v1::LocalMap& proto, const CellSelection& selection);

@@ -104,6 +104,12 @@ TEST_F(MirrorStoreTest, RefusesAChangeOfWhatIsNotHeld) {
   EXPECT_EQ(Take(Change(5, 6, {})), Taken::kVersion) << "what was refused has changed nothing";
 }
 
+// A fuzzer found this: a stream that begins with a part of nothing ended the process.
+TEST_F(MirrorStoreTest, RefusesAChangeOfNothingThatIsNoSnapshot) {
+  EXPECT_TRUE(absl::IsAborted(store_.Take(Rest(1, {Full({0, 0}, 1)})).status()));
+  EXPECT_EQ(store_.snapshot(), nullptr);
+}
+
 TEST_F(MirrorStoreTest, RefusesAnotherEpochThanTheGeometrys) {
   MirrorPart part = Snapshot(1, {});
   part.version.epoch = 6;

@@ -5,6 +5,7 @@
 #include "core/base/check.h"
 #include "tests/fuzz/decoders.h"
 #include "tests/fuzz/map_files.h"
+#include "tests/fuzz/reader_messages.h"
 #include "tests/fuzz/server_calls.h"
 
 namespace gem::fuzz {
@@ -15,6 +16,9 @@ const std::vector<Target>& Targets() {
       {"tile", Tile, TileSeeds, 2000},
       {"local_map", LocalMap, LocalMapSeeds, 2000},
       {"map_file", MapFile, MapFileSeeds, 2000},
+      {"reader_request", ReaderRequest, ReaderRequestSeeds, 5000},
+      {"reader_answer", ReaderAnswer, ReaderAnswerSeeds, 5000},
+      {"mirror", Mirror, MirrorSeeds, 1000},
       {"server_call", ServerCall, ServerCallSeeds, 50},
   };
   return *targets;
