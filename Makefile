@@ -61,7 +61,7 @@ test-asan: build/asan-ubsan/build.ninja
 
 # Alone, so that CI can build while it runs tests.
 FUZZERS = write_seeds fuzz_ingest_request fuzz_tile fuzz_local_map fuzz_map_file fuzz_reader_request fuzz_reader_answer fuzz_mirror \
-  fuzz_server_call
+  fuzz_client_answer fuzz_server_call
 
 fuzz: build/asan-ubsan/build.ninja
 	cmake --build build/asan-ubsan -j $(JOBS) --target $(FUZZERS)

@@ -46,6 +46,11 @@ absl::Status ToStatus(const grpc::Status& status, const std::string& address) {
   return result;
 }
 
+absl::Status DamageError(const std::string& address) {
+  return absl::UnavailableError(
+      absl::StrCat("server ", address, ": its answer is damaged, or it is no GEM server"));
+}
+
 bool IsRevisionExpired(const absl::Status& status) {
   return status.GetPayload(kReasonUrl) == absl::Cord(kRevisionExpired);
 }

@@ -18,6 +18,9 @@ namespace gem::client {
 /// google.rpc.ErrorInfo is kept for programs.
 absl::Status ToStatus(const grpc::Status& status, const std::string& address);
 
+/// Of a server that sends bytes which are no message; UNAVAILABLE: another one may do better.
+absl::Status DamageError(const std::string& address);
+
 /// True if the server does not keep the version any more that was asked for.
 bool IsRevisionExpired(const absl::Status& status);
 

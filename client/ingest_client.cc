@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/call_status.h"
+#include "client/calls/read_message.h"
 #include "client/ingest_messages.h"
 #include "client/send_buffer.h"
 #include "core/base/mutex.h"
@@ -228,12 +229,12 @@ class IngestClient::Impl {
     std::thread writer([&] { WriteScans(*stream, context); });
     StreamEnd end;
     v1::IngestResponse response;
-    while (stream->Read(&response)) {
-      end.status = Handle(response, end);
-      if (!end.status.ok()) {
-        context.TryCancel();
-        break;
-      }
+    while (end.status.ok()) {
+      const Got got = ReadMessage(*stream, response);
+      if (got == Got::kEnd) break;
+      end.status =
+          got == Got::kMessage ? Handle(response, end) : DamageError(connection_->address());
+      if (!end.status.ok()) context.TryCancel();
     }
     {
       MutexLock lock(mutex_);

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/call_status.h"
+#include "client/calls/read_message.h"
 #include "client/retry_thread.h"
 #include "client/watch_state.h"
 
@@ -62,8 +63,11 @@ RetryThread::Outcome RunStream(Interrupt& interrupt, const std::string& address,
   const std::unique_ptr<grpc::ClientReader<Response>> reader = open(context.get());
   absl::Status ours;
   Response response;
-  for (bool first = true; ours.ok() && reader->Read(&response); first = false) {
-    const absl::StatusOr<Taken> taken = take(response);
+  for (bool first = true;; first = false) {
+    const Got got = ReadMessage(*reader, response);
+    if (got == Got::kEnd) break;
+    const absl::StatusOr<Taken> taken =
+        got == Got::kMessage ? take(response) : DamageError(address);
     ours = taken.status();
     if (!ours.ok()) {
       context.get()->TryCancel();

@@ -60,6 +60,13 @@ class IngestClientTest : public ::testing::Test {
     return x;
   }
 
+  /// Bytes of which nothing can be parsed: a submessage that breaks off in its first tag.
+  static v1::IngestResponse Damaged(int field) {
+    v1::IngestResponse response;
+    response.GetReflection()->MutableUnknownFields(&response)->AddLengthDelimited(field, "\xff");
+    return response;
+  }
+
   FakeServer server_;
 };
 
@@ -316,6 +323,48 @@ TEST_F(IngestClientTest, NamesTheOptionThatIsWrong) {
   IngestOptions wrong;
   wrong.tries_max = 0;
   EXPECT_TRUE(absl::IsInvalidArgument(Open(wrong).status()));
+}
+
+// What the user saw: a client that waited for ever, after bytes that are no answer, on a stream
+// that the server keeps open.
+TEST_F(IngestClientTest, LeavesAStreamWithADamagedAnswerAndTriesAnother) {
+  absl::Notification done;
+  server_.ingest.on_ingest = [&](int number, ServerStream& stream) {
+    if (number == 1) {
+      AnswerOpen(stream, 0);
+      EXPECT_EQ(ReadScan(stream).seq(), 1u);
+      stream.Write(Damaged(v1::IngestResponse::kAckFieldNumber));
+      Acknowledge(stream, 1, 1);  // more, that the client does not read
+      done.WaitForNotification();
+      return grpc::Status::OK;
+    }
+    AnswerOpen(stream, 1);
+    Acknowledge(stream, 1, 1);
+    return AnswerClose(stream, 9);
+  };
+  auto client = Open();
+  ASSERT_TRUE(client.ok()) << client.status();
+  ASSERT_TRUE(Send(**client, 1).ok());
+  const auto closed = (*client)->Close();
+  done.Notify();
+  ASSERT_TRUE(closed.ok()) << closed.status();
+  EXPECT_EQ(closed->version.revision, 9u);
+  EXPECT_EQ((*client)->progress().num_reconnects, 1u);
+}
+
+TEST_F(IngestClientTest, SaysThatAServerIsNoneOfOurs) {
+  server_.ingest.on_ingest = [&](int, ServerStream& stream) {
+    v1::IngestRequest request;
+    EXPECT_TRUE(stream.Read(&request));
+    stream.Write(Damaged(v1::IngestResponse::kOpenedFieldNumber));
+    while (stream.Read(&request)) {
+    }
+    return grpc::Status::OK;
+  };
+  const auto client = Open();
+  EXPECT_TRUE(absl::IsUnavailable(client.status()));
+  EXPECT_THAT(std::string(client.status().message()),
+              HasSubstr("its answer is damaged, or it is no GEM server"));
 }
 
 TEST_F(IngestClientTest, SaysWhichOpeningOfTheSessionItIs) {

@@ -184,6 +184,23 @@ TEST_F(MirrorTest, ComesBackWithWhatIsCompleteAndDropsHalfAChange) {
   EXPECT_THAT(told, ElementsAre(std::pair(10, 1), std::pair(11, 1), std::pair(14, 1)));
 }
 
+// It waited for ever for the end of a stream that the server keeps open.
+TEST_F(MirrorTest, LeavesAStreamWithADamagedAnswer) {
+  server_.tile.on_watch = [&](int stream_number, const auto&, auto&, TileWriter& stream) {
+    if (stream_number == 1) {
+      v1::WatchTilesResponse damaged;
+      damaged.GetReflection()->MutableUnknownFields(&damaged)->AddLengthDelimited(
+          v1::WatchTilesResponse::kTilesFieldNumber, "\xff");
+      stream.Write(damaged);
+    } else {
+      stream.Write(Snapshot(1, 7, 3));
+    }
+    return Stay();
+  };
+  const MapMirror mirror(server_.Connect(), Options());
+  EXPECT_NE(WaitFor(mirror, 7), nullptr);
+}
+
 // A change of something else than what is held would be applied to the wrong cells.
 TEST_F(MirrorTest, StartsOverWhenAChangeIsNotOfWhatItHolds) {
   server_.tile.on_watch = [&](int number, const auto& request, auto&, TileWriter& stream) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/base/check.h"
+#include "tests/fuzz/client_answers.h"
 #include "tests/fuzz/decoders.h"
 #include "tests/fuzz/map_files.h"
 #include "tests/fuzz/reader_messages.h"
@@ -19,6 +20,7 @@ const std::vector<Target>& Targets() {
       {"reader_request", ReaderRequest, ReaderRequestSeeds, 5000},
       {"reader_answer", ReaderAnswer, ReaderAnswerSeeds, 5000},
       {"mirror", Mirror, MirrorSeeds, 1000},
+      {"client_answer", ClientAnswer, ClientAnswerSeeds, 50},
       {"server_call", ServerCall, ServerCallSeeds, 50},
   };
   return *targets;
