@@ -11,7 +11,7 @@ namespace gem {
 
 class IngestService final : public v1::IngestService::CallbackService {
  public:
-  /// Everything outlives the service.
+  /// Everything outlives the service. guard: for corrections.
   IngestService(Registry& registry, const ServerOptions& options, Metrics& metrics,
                 CallGuard& guard);
 

@@ -27,6 +27,8 @@ absl::Status ValidateLimits(const ServerOptions& options) {
   GEM_RETURN_IF_ERROR(InRange<std::uint32_t>("points_max", options.points_max, 1, 100'000'000));
   GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("queue_bytes_max", options.queue_bytes_max,
                                              options.scan_bytes_max, std::uint64_t{1} << 32));
+  GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("ingest_bytes_max", options.ingest_bytes_max,
+                                             options.scan_bytes_max, std::uint64_t{1} << 40));
   GEM_RETURN_IF_ERROR(InRange("waiting_scans_max", options.waiting_scans_max, 1, 10'000));
   GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("message_bytes_max", options.message_bytes_max,
                                              options.scan_bytes_max + 1,

@@ -72,6 +72,10 @@ struct ServerOptions {
   std::uint32_t points_max = 2'000'000;
   /// Bytes that wait for one session; the credit that a robot gets. Range [scan_bytes_max, 2^32].
   std::uint64_t queue_bytes_max = 64u << 20;
+  /// Bytes that wait for all sessions together. A session that floods the server gets half of it at
+  /// most, n of them an (n + 1)th each; one scan's worth is everybody's, however little is left.
+  /// Range [scan_bytes_max, 2^40].
+  std::uint64_t ingest_bytes_max = 512u << 20;
   /// Scans of one session that wait for poses, in half of queue_bytes_max; then the oldest is
   /// refused. Range [1, 10000].
   int waiting_scans_max = 100;
@@ -100,9 +104,10 @@ struct ServerOptions {
   /// Streams to readers at once: WatchTiles, StreamTiles, WatchLocalMap. One that does not read
   /// holds some hundred kilobytes. Range [1, 1e6].
   int readers_max = 1000;
-  /// Threads that encode tiles and convert corrections. Range [1, 64].
+  /// Threads that encode tiles. Range [1, 64].
   int worker_threads = 2;
-  /// Requests that wait for those threads, and for the next ones. Range [1, 1e6].
+  /// Requests that wait for those threads, for the one that converts corrections, and for the next
+  /// ones; each by itself. Range [1, 1e6].
   int worker_queue_max = 256;
   /// Threads that delete maps, which waits for threads: no reader of tiles waits behind it. Range
   /// [1, 64].

@@ -67,6 +67,7 @@ Registry::Registry(const ServerOptions& options, std::uint64_t epoch, Metrics& m
     : options_(options),
       metrics_(metrics),
       news_(news),
+      ingest_budget_(options.ingest_bytes_max, options.scan_bytes_max),
       next_epoch_(epoch),
       made_(static_cast<std::size_t>(options.request_ids_max)),
       deleted_(static_cast<std::size_t>(options.request_ids_max)),
@@ -127,8 +128,9 @@ absl::StatusOr<std::shared_ptr<SessionActor>> Registry::AddSessionLocked(
   if (absl::IsAlreadyExists(added)) return HasEnded(setup.session);
   GEM_RETURN_IF_ERROR(added);
   maps_.try_emplace(setup.map, *map);
-  auto session = std::make_shared<SessionActor>(std::move(config), *map, FeedOfLocked(setup.robot),
-                                                SessionActorOptionsOf(options_), metrics_);
+  auto session =
+      std::make_shared<SessionActor>(std::move(config), *map, FeedOfLocked(setup.robot),
+                                     SessionActorOptionsOf(options_), ingest_budget_, metrics_);
   sessions_[SessionKey(setup.map, setup.session)] = session;
   by_age_.push_back(session);
   robots_[setup.robot] = session;

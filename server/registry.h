@@ -15,6 +15,7 @@
 #include "core/base/mutex.h"
 #include "proto/wire/session_setup.h"
 #include "server/answer_memory.h"
+#include "server/ingest_budget.h"
 #include "server/local_map_feed.h"
 #include "server/map_actor.h"
 #include "server/metrics.h"
@@ -97,6 +98,7 @@ class Registry {
   Metrics& metrics_;
   NewsListener* const news_;
 
+  IngestBudget ingest_budget_;  ///< of all sessions
   mutable Mutex mutex_;
   absl::btree_map<std::string, std::shared_ptr<MapActor>> maps_ ABSL_GUARDED_BY(mutex_);
   absl::flat_hash_map<SessionKey, std::shared_ptr<SessionActor>> sessions_ ABSL_GUARDED_BY(mutex_);

@@ -22,7 +22,7 @@
 #include "server/terrain_service.h"
 #include "server/tile_service.h"
 #include "server/turn_scheduler.h"
-#include "server/worker_pool.h"
+#include "server/workers.h"
 #include "spdlog/spdlog.h"
 
 namespace gem {
@@ -64,14 +64,14 @@ std::uint64_t EpochNow() {
 struct Server::Impl {
   explicit Impl(const ServerOptions& server_options)
       : options(server_options),
-        pool(options.worker_threads, options.worker_queue_max),
-        admin_pool(options.admin_threads, options.worker_queue_max),
-        readers(pool, options.readers_max, options.worker_threads),
+        workers(options),
+        readers(workers.reads, options.readers_max, options.worker_threads),
         tile_cache(options.tile_cache_bytes_max),
         registry(options, EpochNow(), metrics, &readers),
-        guard(pool),
-        admin_guard(admin_pool),
-        ingest_service(registry, options, metrics, guard),
+        guard(workers.reads),
+        correction_guard(workers.corrections),
+        admin_guard(workers.admin),
+        ingest_service(registry, options, metrics, correction_guard),
         tile_service(registry, tile_cache, readers, metrics, guard),
         map_service(registry, options, metrics, guard, admin_guard),
         terrain_service(registry, metrics, guard),
@@ -131,8 +131,7 @@ struct Server::Impl {
     server->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server->Wait();
     server.reset();
-    pool.Stop();
-    admin_pool.Stop();
+    workers.Stop();
     metrics_page.reset();
   }
 
@@ -143,12 +142,12 @@ struct Server::Impl {
 
   // Destroyed from the last to the first: nobody refers to what is gone.
   Metrics metrics;
-  WorkerPool pool;
-  WorkerPool admin_pool;
+  Workers workers;
   TurnScheduler readers;
   EncodedCache tile_cache;
   Registry registry;
   CallGuard guard;
+  CallGuard correction_guard;
   CallGuard admin_guard;
   IngestService ingest_service;
   TileService tile_service;
@@ -191,6 +190,7 @@ Server::~Server() { Stop(); }
 
 const std::string& Server::grpc_address() const { return impl_->grpc_address; }
 const std::string& Server::metrics_address() const { return impl_->metrics_address; }
+Workers& Server::workers() { return impl_->workers; }
 void Server::Stop() { impl_->Stop(); }
 
 }  // namespace gem

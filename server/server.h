@@ -9,6 +9,8 @@
 
 namespace gem {
 
+struct Workers;
+
 class Server {
  public:
   /// Listens and serves when it returns. INVALID_ARGUMENT names the option that is wrong;
@@ -22,6 +24,9 @@ class Server {
   /// ADDR:PORT, with the port that was taken.
   const std::string& grpc_address() const;
   const std::string& metrics_address() const;
+
+  /// So that a test can hold them up.
+  Workers& workers();
 
   /// Tells the streams, answers who waits, ends all threads; in under two seconds. Idempotent.
   void Stop();

@@ -23,7 +23,7 @@ IngestProblem ProblemOf(std::uint64_t seq, const absl::Status& status) {
 
 SessionActor::SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
                            std::shared_ptr<LocalMapFeed> feed, const SessionActorOptions& options,
-                           Metrics& metrics)
+                           IngestBudget& budget, Metrics& metrics)
     : config_(std::move(config)),
       map_(std::move(map)),
       feed_(std::move(feed)),
@@ -31,7 +31,7 @@ SessionActor::SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
       options_(options),
       metrics_(metrics),
       mailbox_(std::make_shared<SessionMailbox>(options.queue_bytes_max,
-                                                Seconds(options.overload_age_s_max))),
+                                                Seconds(options.overload_age_s_max), &budget)),
       thread_([this] { Run(); }) {}
 
 SessionActor::~SessionActor() {
@@ -152,7 +152,7 @@ bool SessionActor::ServeFront(SessionMapper& mapper, bool ending) {
 
 std::string SessionActor::WhyGiveUp(bool ending) const {
   const Clock::duration waited = Clock::now() - line_.front().since;
-  const std::uint64_t bytes_max = options_.queue_bytes_max / 2;
+  const std::uint64_t bytes_max = std::min(mailbox_->bytes_limit(), options_.queue_bytes_max / 2);
   std::string why;
   if (ending) {
     why = "the session ends";

@@ -31,10 +31,10 @@ struct SessionActorOptions {
 
 class SessionActor {
  public:
-  /// The map knows the session. config is valid.
+  /// The map knows the session. config is valid. budget: of all sessions, outlives this one.
   SessionActor(SessionConfig config, std::shared_ptr<MapActor> map,
                std::shared_ptr<LocalMapFeed> feed, const SessionActorOptions& options,
-               Metrics& metrics);
+               IngestBudget& budget, Metrics& metrics);
   ~SessionActor();
   SessionActor(const SessionActor&) = delete;
   SessionActor& operator=(const SessionActor&) = delete;

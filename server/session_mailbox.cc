@@ -24,9 +24,26 @@ absl::StatusOr<SessionMailbox::Attached> SessionMailbox::Attach(std::shared_ptr<
   attached.previous = std::exchange(sink_, std::move(sink));
   attached.resume_after_seq = accepted_seq_;
   // What still waits from the stream before is paid back to this one as it drains.
-  attached.credit_bytes = queue_bytes_max_ - std::min(queue_bytes_max_, unreturned_credit_bytes_);
+  credit_bytes_ = 0;
+  attached.credit_bytes = GrantLocked();
   progress_ = {};
   return attached;
+}
+
+SessionMailbox::~SessionMailbox() {
+  if (budget_ != nullptr) budget_->GiveBack(queue_bytes_);
+}
+
+std::uint64_t SessionMailbox::bytes_limit() const {
+  return budget_ == nullptr ? queue_bytes_max_ : std::min(queue_bytes_max_, budget_->share_bytes());
+}
+
+std::uint64_t SessionMailbox::GrantLocked() {
+  const std::int64_t out_bytes = credit_bytes_ + static_cast<std::int64_t>(spent_credit_bytes_);
+  const std::int64_t granted_bytes =
+      std::max<std::int64_t>(0, static_cast<std::int64_t>(bytes_limit()) - out_bytes);
+  credit_bytes_ += granted_bytes;
+  return static_cast<std::uint64_t>(granted_bytes);
 }
 
 absl::Status SessionMailbox::TakeOverLocked(IngestOpening opening) {
@@ -78,13 +95,14 @@ SessionMailbox::Enqueued SessionMailbox::Enqueue(const IngestSink* sink, IngestM
   idle_since_ = Clock::now();
   const Clock::time_point now = message.arrived;
   const Verdict verdict = JudgeLocked(message);
+  credit_bytes_ -= static_cast<std::int64_t>(message.credit_bytes);
   if (verdict == Verdict::kTaken) {
     queue_bytes_ += message.size_bytes;
-    unreturned_credit_bytes_ += message.credit_bytes;
+    if (budget_ != nullptr) budget_->Take(message.size_bytes);
+    spent_credit_bytes_ += message.credit_bytes;
     (message.scan != nullptr ? scans_ : poses_).push_back(std::move(message));
     changed_.NotifyOne();
   } else {
-    progress_.credit_bytes += message.credit_bytes;
     progress_.news = true;
   }
   const std::uint64_t num_dropped = DropLocked(now);
@@ -97,7 +115,6 @@ std::uint64_t SessionMailbox::DropLocked(Clock::time_point now) {
     const IngestMessage& oldest = scans_.front();
     const Clock::duration age = now - oldest.arrived;
     if (age <= overload_age_max_ && HasRoomLocked()) break;
-    progress_.credit_bytes += oldest.credit_bytes;
     ReleaseLocked(oldest, IngestProblem{oldest.seq, wire::ProblemReason::kDropped,
                                         absl::StrFormat("waited %.2f s, and newer scans came",
                                                         std::chrono::duration<double>(age).count()),
@@ -134,8 +151,9 @@ bool SessionMailbox::HasRoom() const {
 bool SessionMailbox::HasRoomLocked() const {
   // Scans in hand may wait for poses that have not been read yet: one that fills the whole queue
   // must not keep them out.
-  const std::uint64_t in_hand_bytes = std::min(in_hand_bytes_, queue_bytes_max_ / 2);
-  return queue_bytes_ - in_hand_bytes_ + in_hand_bytes < queue_bytes_max_;
+  const std::uint64_t limit = bytes_limit();
+  const std::uint64_t in_hand_bytes = std::min(in_hand_bytes_, limit / 2);
+  return queue_bytes_ - in_hand_bytes_ + in_hand_bytes < limit;
 }
 
 bool SessionMailbox::HasScans() const {
@@ -159,6 +177,7 @@ IngestProgress SessionMailbox::TakeProgress(const IngestSink* sink) {
   MutexLock lock(mutex_);
   if (sink_.get() != sink) return {};
   IngestProgress progress = std::exchange(progress_, {});
+  if (progress.news) progress.credit_bytes = GrantLocked();
   progress.accepted_seq = accepted_seq_;
   progress.fused_seq = FusedSeqLocked();
   return progress;
@@ -200,7 +219,6 @@ void SessionMailbox::FinishScan(const IngestMessage& scan,
   MutexLock lock(mutex_);
   in_hand_.pop_front();
   in_hand_bytes_ -= scan.size_bytes;
-  progress_.credit_bytes += scan.credit_bytes;
   progress_.news = true;
   ReleaseLocked(scan, problem);
 }
@@ -214,7 +232,8 @@ void SessionMailbox::FinishPoses(const IngestMessage& poses,
 void SessionMailbox::ReleaseLocked(const IngestMessage& message,
                                    const std::optional<IngestProblem>& problem) {
   queue_bytes_ -= message.size_bytes;
-  unreturned_credit_bytes_ -= message.credit_bytes;
+  if (budget_ != nullptr) budget_->GiveBack(message.size_bytes);
+  spent_credit_bytes_ -= message.credit_bytes;
   idle_since_ = Clock::now();
   if (problem.has_value()) AddProblemLocked(*problem);
 }

@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/base/mutex.h"
+#include "server/ingest_budget.h"
 #include "server/ingest_message.h"
 
 namespace gem {
@@ -21,9 +22,14 @@ class SessionMailbox {
   /// Reading stops when so many bytes wait. Of a stream that drops scans, one that has waited
   /// longer than `overload_age_max` gives way to newer ones, and so do the oldest when the queue is
   /// full; the newest is never dropped.
+  /// budget: of all sessions, outlives the mailbox; when it is scarce, less may wait. May be null.
   explicit SessionMailbox(std::uint64_t queue_bytes_max,
-                          Clock::duration overload_age_max = Clock::duration::max())
-      : queue_bytes_max_(queue_bytes_max), overload_age_max_(overload_age_max) {}
+                          Clock::duration overload_age_max = Clock::duration::max(),
+                          IngestBudget* budget = nullptr)
+      : queue_bytes_max_(queue_bytes_max), overload_age_max_(overload_age_max), budget_(budget) {}
+  ~SessionMailbox();
+  SessionMailbox(const SessionMailbox&) = delete;
+  SessionMailbox& operator=(const SessionMailbox&) = delete;
 
   // For streams.
   struct Attached {
@@ -51,12 +57,16 @@ class SessionMailbox {
   /// nothing; TakeProgress() has the news.
   Enqueued Enqueue(const IngestSink* sink, IngestMessage message);
   bool HasRoom() const;
+  /// How many bytes may wait now.
+  std::uint64_t bytes_limit() const;
   bool HasScans() const;
   /// The session ends when what waits is done.
   void RequestEnd(const IngestSink* sink);
   /// A problem that was found before the session saw the message.
   void AddProblem(const IngestSink* sink, IngestProblem problem);
-  /// What happened since the last call. Nothing for a sink that is not attached.
+  /// What happened since the last call, and the credit that fills up what the robot may have on
+  /// its way: what is done, and more or less if the limit has changed. Nothing for a sink that is
+  /// not attached.
   IngestProgress TakeProgress(const IngestSink* sink);
   /// For a stream that comes back to hear how the session ended.
   struct EndOutlook {
@@ -116,6 +126,8 @@ class SessionMailbox {
   /// Every accepted scan is in hand, waits, or is done, in this order.
   std::uint64_t FusedSeqLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Verdict JudgeLocked(const IngestMessage& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// What may be granted without going beyond the limit.
+  std::uint64_t GrantLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Returns how many.
   std::uint64_t DropLocked(Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool HasRoomLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -126,6 +138,7 @@ class SessionMailbox {
   // Constant after construction.
   const std::uint64_t queue_bytes_max_;
   const Clock::duration overload_age_max_;
+  IngestBudget* const budget_;
 
   mutable Mutex mutex_;
   CondVar changed_;
@@ -136,7 +149,9 @@ class SessionMailbox {
   std::deque<InHand> in_hand_ ABSL_GUARDED_BY(mutex_);       ///< oldest first
   std::uint64_t in_hand_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  ///< part of queue_bytes_
   std::uint64_t queue_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::uint64_t unreturned_credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// What the stream's robot may still send; negative if it sent more than it might.
+  std::int64_t credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t spent_credit_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  ///< of what is not done
   std::uint64_t accepted_seq_ ABSL_GUARDED_BY(mutex_) = 0;
   IngestProgress progress_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point idle_since_ ABSL_GUARDED_BY(mutex_) = Clock::now();

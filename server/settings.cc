@@ -139,6 +139,8 @@ std::vector<Setting> MakeSettings() {
       GEM_SETTING("scan_bytes_max", scan_bytes_max, "bytes of the points of one scan"),
       GEM_SETTING("points_max", points_max, "points of one scan"),
       GEM_SETTING("queue_bytes_max", queue_bytes_max, "bytes that wait for one session"),
+      GEM_SETTING("ingest_bytes_max", ingest_bytes_max,
+                  "bytes that wait for all sessions together"),
       GEM_SETTING("waiting_scans_max", waiting_scans_max,
                   "scans of one session that wait for poses"),
       GEM_SETTING("message_bytes_max", message_bytes_max, "bytes of any message"),
