@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "client/cli/bench_corrections.h"
+#include "client/cli/bench_encodings.h"
 #include "client/cli/bench_local.h"
 #include "client/cli/bench_serving.h"
 #include "client/cli/bench_soak.h"
@@ -41,6 +42,7 @@ int main(int argc, char** argv) {
   gem::client::AddCorrectCommand(app, run);
   gem::client::AddBenchCommand(app, run);
   gem::client::AddBenchCorrectionsCommand(*app.get_subcommand("bench"), run);
+  gem::client::AddBenchEncodingsCommand(*app.get_subcommand("bench"), run);
   gem::client::AddBenchServingCommand(*app.get_subcommand("bench"), run);
   gem::client::AddBenchSoakCommand(*app.get_subcommand("bench"), run);
   gem::client::AddEvaluateCommand(app, run);
