@@ -28,17 +28,26 @@ std::chrono::nanoseconds PeriodOf(double hz) {
 
 MapActor::MapActor(std::string id, const GlobalMapOptions& options, std::uint64_t epoch,
                    const MapActorOptions& limits, Metrics& metrics)
+    : MapActor(std::move(id), std::make_unique<GlobalMapper>(options, epoch), limits, metrics) {}
+
+MapActor::MapActor(std::string id, std::unique_ptr<GlobalMapper> mapper,
+                   const MapActorOptions& limits, Metrics& metrics)
     : id_(std::move(id)),
-      options_(options),
-      epoch_(epoch),
+      options_(mapper->snapshot()->options),
+      epoch_(mapper->snapshot()->version.epoch),
       limits_(limits),
       metrics_(metrics),
-      mapper_(std::make_unique<GlobalMapper>(options, epoch)),
+      mapper_(std::move(mapper)),
       last_commit_(Clock::now() - PeriodOf(limits.publish_hz)),
       history_(std::make_shared<MapHistory>(mapper_->snapshot(), limits.history)),
       correction_book_(static_cast<std::size_t>(limits.request_ids_max)),
-      retraction_book_(static_cast<std::size_t>(limits.request_ids_max)),
-      thread_([this] { Run(); }) {}
+      retraction_book_(static_cast<std::size_t>(limits.request_ids_max)) {
+  for (const SessionInfo& info : snapshot()->sessions) {
+    known_[info.session] = sessions_.size();
+    sessions_.push_back({info.session, info.robot, info.T_G_O});
+  }
+  thread_ = std::thread([this] { Run(); });
+}
 
 MapActor::~MapActor() {
   Stop();
@@ -151,6 +160,21 @@ void MapActor::Retract(const std::string& session, const std::string& request_id
   done(*at_once);
 }
 
+void MapActor::TakeState(StateCallback done) {
+  absl::Status ended;
+  {
+    MutexLock lock(mutex_);
+    ended = status_;
+    if (ended.ok()) {
+      states_.push_back(std::move(done));
+      urgent_ = true;
+      changed_.NotifyOne();
+      return;
+    }
+  }
+  done(ended);
+}
+
 MapActor::Lag MapActor::lag() const {
   MutexLock lock(mutex_);
   Lag lag;
@@ -260,6 +284,7 @@ MapActor::Waited MapActor::WaitForWork(Batch& batch, std::optional<Clock::time_p
   batch.added = std::exchange(added_, {});
   batch.sessions = std::exchange(pending_, {});
   batch.retractions = std::exchange(retractions_, {});
+  batch.states = std::exchange(states_, {});
   urgent_ = false;
   // A rendering that was stopped has published nothing of what it took.
   if (!taken_since_.has_value()) taken_since_ = news_since_;
@@ -297,6 +322,7 @@ void MapActor::Apply(Batch& batch) {
     GEM_CHECK(counts.ok());  // the session is known
     unpublished_.retracted.emplace_back(std::move(waiter), *counts);
   }
+  for (StateCallback& done : batch.states) unpublished_.states.push_back(std::move(done));
 }
 
 void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const CommitReport& report) {
@@ -318,6 +344,9 @@ void MapActor::Publish(std::shared_ptr<const MapSnapshot> snapshot, const Commit
   }
   for (const auto& [waiter, counts] : published.retracted)
     Answer(waiter, RetractionAnswer{version, counts, report.num_touched_tiles});
+  if (published.states.empty()) return;
+  const auto state = std::make_shared<const MapState>(mapper_->State());
+  for (const StateCallback& done : published.states) done(state);
 }
 
 void MapActor::Answer(const CorrectionWaiter& waiter,
@@ -351,6 +380,7 @@ void MapActor::AbandonAll() {
     MutexLock lock(mutex_);
     batch.sessions = std::exchange(pending_, {});
     batch.retractions = std::exchange(retractions_, {});
+    batch.states = std::exchange(states_, {});
     why = status_;
   }
   for (auto& [session, pending] : batch.sessions) {
@@ -361,9 +391,11 @@ void MapActor::AbandonAll() {
   }
   for (RetractionWaiter& waiter : batch.retractions)
     unpublished_.retracted.emplace_back(std::move(waiter), RetractionCounts{});
+  for (StateCallback& done : batch.states) unpublished_.states.push_back(std::move(done));
   for (const PublishedCallback& done : unpublished_.published) done(why);
   for (const auto& [waiter, counts] : unpublished_.corrected) Answer(waiter, why);
   for (const auto& [waiter, counts] : unpublished_.retracted) Answer(waiter, why);
+  for (const StateCallback& done : unpublished_.states) done(why);
   unpublished_ = {};
 }
 

@@ -36,9 +36,12 @@ struct MapActorOptions {
 
 class MapActor {
  public:
-  /// options are valid.
+  /// An empty map. options are valid.
   MapActor(std::string id, const GlobalMapOptions& options, std::uint64_t epoch,
            const MapActorOptions& limits, Metrics& metrics);
+  /// A map that exists: nothing was told since its last Commit.
+  MapActor(std::string id, std::unique_ptr<GlobalMapper> mapper, const MapActorOptions& limits,
+           Metrics& metrics);
   ~MapActor();
   MapActor(const MapActor&) = delete;
   MapActor& operator=(const MapActor&) = delete;
@@ -64,6 +67,10 @@ class MapActor {
   /// that shows it, or NOT_FOUND, RESOURCE_EXHAUSTED, UNAVAILABLE.
   void Retract(const std::string& session, const std::string& request_id, bool restore,
                RetractionCallback done);
+
+  /// What the next revision that is published is made of, everything that was told before this call
+  /// included. `done` gets it, or NOT_FOUND, UNAVAILABLE. The caller limits how many wait.
+  void TakeState(StateCallback done);
 
   /// The newest. Never null.
   std::shared_ptr<const MapSnapshot> snapshot() const { return history_->newest(); }
@@ -113,12 +120,14 @@ class MapActor {
     std::vector<NewSession> added;
     absl::btree_map<std::string, PendingSession> sessions;
     std::vector<RetractionWaiter> retractions;  ///< in order of arrival
+    std::vector<StateCallback> states;
   };
   /// Applied to the mapper, but not published yet.
   struct Unpublished {
     std::vector<PublishedCallback> published;
     std::vector<std::pair<CorrectionWaiter, CorrectionCounts>> corrected;
     std::vector<std::pair<RetractionWaiter, RetractionCounts>> retracted;
+    std::vector<StateCallback> states;
   };
 
   void Run();
@@ -169,6 +178,7 @@ class MapActor {
   std::vector<NewSession> sessions_ ABSL_GUARDED_BY(mutex_);  ///< by order of arrival
   absl::flat_hash_map<std::string, std::size_t> known_ ABSL_GUARDED_BY(mutex_);  ///< their places
   std::vector<RetractionWaiter> retractions_ ABSL_GUARDED_BY(mutex_);
+  std::vector<StateCallback> states_ ABSL_GUARDED_BY(mutex_);
   RequestBook<CorrectionAnswer> correction_book_ ABSL_GUARDED_BY(mutex_);
   RequestBook<RetractionAnswer> retraction_book_ ABSL_GUARDED_BY(mutex_);
   absl::btree_multiset<Clock::time_point> correction_arrivals_ ABSL_GUARDED_BY(mutex_);

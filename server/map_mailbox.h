@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,6 +31,7 @@ struct RetractionAnswer {
   std::uint32_t num_touched_tiles = 0;
 };
 /// Called from the map's thread; must not block.
+using StateCallback = std::function<void(absl::StatusOr<std::shared_ptr<const MapState>>)>;
 using CorrectionCallback = RequestBook<CorrectionAnswer>::Callback;
 using RetractionCallback = RequestBook<RetractionAnswer>::Callback;
 using PublishedCallback = std::function<void(const absl::StatusOr<MapVersion>&)>;

@@ -2,12 +2,17 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/status_macros.h"
 #include "proto/wire/map.h"
 #include "proto/wire/scalar.h"
 #include "proto/wire/session_setup.h"
+#include "server/byte_buffer.h"
+#include "server/import_reactor.h"
+#include "server/map_export.h"
+#include "server/map_import.h"
 #include "server/map_listing.h"
 #include "server/server_status.h"
 
@@ -54,15 +59,30 @@ void RetractSession(const Registry& registry, const v1::RetractSessionRequest& r
                   });
 }
 
+absl::StatusOr<std::unique_ptr<MapExport>> OpenExport(const Registry& registry,
+                                                      const grpc::ByteBuffer& bytes,
+                                                      TransferSlots& transfers,
+                                                      TurnScheduler& readers) {
+  GEM_ASSIGN_OR_RETURN(const v1::ExportMapRequest request, Parse<v1::ExportMapRequest>(bytes));
+  GEM_RETURN_IF_ERROR(wire::CheckId(request.map(), wire::FieldPath("map")));
+  const absl::StatusOr<std::shared_ptr<MapActor>> map = registry.FindMap(request.map());
+  if (!map.ok()) return map.status();
+  GEM_ASSIGN_OR_RETURN(std::unique_ptr<TransferSlots::Slot> slot, transfers.Take());
+  return std::make_unique<MapExport>(**map, std::move(slot), &readers);
+}
+
 }  // namespace
 
-MapService::MapService(Registry& registry, const ServerOptions& options, Metrics& metrics,
-                       CallGuard& guard, CallGuard& admin_guard)
+MapService::MapService(Registry& registry, const ServerOptions& options, TurnScheduler& readers,
+                       Metrics& metrics, CallGuard& guard, WorkerPool& admin_pool)
     : registry_(registry),
       options_(options),
+      readers_(readers),
       metrics_(metrics),
       guard_(guard),
-      admin_guard_(admin_guard),
+      admin_pool_(admin_pool),
+      admin_guard_(admin_pool),
+      transfers_(options.transfers_max),
       create_map_(metrics.AddMethod("CreateMap")),
       delete_map_(metrics.AddMethod("DeleteMap")),
       get_map_(metrics.AddMethod("GetMap")),
@@ -70,6 +90,8 @@ MapService::MapService(Registry& registry, const ServerOptions& options, Metrics
       list_submaps_(metrics.AddMethod("ListSubmaps")),
       list_sessions_(metrics.AddMethod("ListSessions")),
       retract_session_(metrics.AddMethod("RetractSession")),
+      export_map_(metrics.AddMethod("ExportMap")),
+      import_map_(metrics.AddMethod("ImportMap")),
       get_server_status_(metrics.AddMethod("GetServerStatus")) {}
 
 grpc::ServerUnaryReactor* MapService::CreateMap(grpc::CallbackServerContext* context,
@@ -120,6 +142,26 @@ grpc::ServerUnaryReactor* MapService::RetractSession(grpc::CallbackServerContext
   return guard_.RunAsync(
       context, {request, response}, retract_session_,
       [=, this](GuardedCall* call) { gem::RetractSession(registry_, *request, response, call); });
+}
+
+grpc::ServerWriteReactor<grpc::ByteBuffer>* MapService::ExportMap(
+    grpc::CallbackServerContext* /*context*/, const grpc::ByteBuffer* request) {
+  const auto stream = std::make_shared<ReaderStream>(readers_, export_map_);
+  absl::StatusOr<std::unique_ptr<MapExport>> source =
+      OpenExport(registry_, *request, transfers_, readers_);
+  if (source.ok()) {
+    const NewsSource news = (*source)->news();
+    stream->Start(request->Length(), *std::move(source), news);
+  } else {
+    stream->Refuse(request->Length(), source.status());
+  }
+  return stream.get();  // keeps itself alive
+}
+
+grpc::ServerReadReactor<v1::ImportMapRequest>* MapService::ImportMap(
+    grpc::CallbackServerContext* context, v1::ImportMapResponse* response) {
+  return new ImportReactor(context, response, MapImport(registry_, options_, transfers_),
+                           admin_pool_, import_map_);
 }
 
 grpc::ServerUnaryReactor* MapService::GetServerStatus(grpc::CallbackServerContext* context,

@@ -47,6 +47,11 @@ absl::Status ValidateLimits(const ServerOptions& options) {
   GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("tile_cache_bytes_max", options.tile_cache_bytes_max,
                                              0, std::uint64_t{1} << 40));
   GEM_RETURN_IF_ERROR(InRange("readers_max", options.readers_max, 1, 1'000'000));
+  GEM_RETURN_IF_ERROR(InRange("transfers_max", options.transfers_max, 1, 1000));
+  GEM_RETURN_IF_ERROR(InRange<std::uint64_t>("import_bytes_max", options.import_bytes_max, 1,
+                                             std::uint64_t{1} << 40));
+  GEM_RETURN_IF_ERROR(InRange<std::uint64_t>(
+      "import_memory_bytes_max", options.import_memory_bytes_max, 1, std::uint64_t{1} << 44));
   GEM_RETURN_IF_ERROR(InRange("local_threads", options.local_threads, 1, kLocalThreadsMax));
   GEM_RETURN_IF_ERROR(InRange("worker_threads", options.worker_threads, 1, 64));
   GEM_RETURN_IF_ERROR(InRange("admin_threads", options.admin_threads, 1, 64));

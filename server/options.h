@@ -104,13 +104,20 @@ struct ServerOptions {
   /// Streams to readers at once: WatchTiles, StreamTiles, WatchLocalMap. One that does not read
   /// holds some hundred kilobytes. Range [1, 1e6].
   int readers_max = 1000;
+  /// Maps that are exported and imported at once; each holds the state of a map. Range [1, 1000].
+  int transfers_max = 4;
+  /// A file of a map that is imported. Bytes, range [1, 2^40].
+  std::uint64_t import_bytes_max = std::uint64_t{1} << 30;
+  /// What an imported map may take in memory, tiles included: files are compressed. Bytes, range
+  /// [1, 2^44].
+  std::uint64_t import_memory_bytes_max = std::uint64_t{4} << 30;
   /// Threads that encode tiles. Range [1, 64].
   int worker_threads = 2;
   /// Requests that wait for those threads, for the one that converts corrections, and for the next
   /// ones; each by itself. Range [1, 1e6].
   int worker_queue_max = 256;
-  /// Threads that delete maps, which waits for threads: no reader of tiles waits behind it. Range
-  /// [1, 64].
+  /// Threads that delete maps, which waits for threads, and import them: no reader of tiles waits
+  /// behind it. Range [1, 64].
   int admin_threads = 2;
 };
 

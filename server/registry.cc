@@ -150,14 +150,18 @@ absl::StatusOr<std::shared_ptr<MapActor>> Registry::FindOrMakeMapLocked(
 absl::StatusOr<std::shared_ptr<MapActor>> Registry::MakeMapLocked(const std::string& map,
                                                                   const wire::MapSetup& setup,
                                                                   const std::string& field) {
-  if (maps_.size() >= static_cast<std::size_t>(options_.maps_max))
-    return absl::ResourceExhaustedError(
-        absl::StrCat("there are ", maps_.size(), " maps, want at most ", options_.maps_max));
+  GEM_RETURN_IF_ERROR(CheckRoomLocked());
   const GlobalMapOptions map_options = setup.Over(options_.map);
   if (const absl::Status status = Validate(map_options); !status.ok())
     return UnderRequest(status, "map.", field);
   return std::make_shared<MapActor>(map, map_options, next_epoch_++,
                                     MapActorOptionsOf(options_, news_), metrics_);
+}
+
+absl::Status Registry::CheckRoomLocked() const {
+  if (maps_.size() < static_cast<std::size_t>(options_.maps_max)) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("there are ", maps_.size(), " maps, want at most ", options_.maps_max));
 }
 
 std::shared_ptr<LocalMapFeed> Registry::FeedOfLocked(const std::string& robot) {
@@ -174,6 +178,46 @@ absl::StatusOr<std::shared_ptr<MapActor>> Registry::CreateMap(const std::string&
                                                               const wire::MapSetup& setup,
                                                               const std::string& request_id) {
   MutexLock lock(mutex_);
+  absl::StatusOr<std::shared_ptr<MapActor>> earlier = CheckNewMapLocked(map, request_id);
+  if (!earlier.ok() || *earlier != nullptr) return earlier;
+  auto made = MakeMapLocked(map, setup, "setup.");
+  if (!made.ok()) return made.status();
+  maps_[map] = *made;
+  made_.Remember(map, request_id, (*made)->epoch());
+  spdlog::info("map {} created", map);
+  return made;
+}
+
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::CheckNewMap(
+    const std::string& map, const std::string& request_id) const {
+  MutexLock lock(mutex_);
+  absl::StatusOr<std::shared_ptr<MapActor>> earlier = CheckNewMapLocked(map, request_id);
+  if (earlier.ok() && *earlier == nullptr) GEM_RETURN_IF_ERROR(CheckRoomLocked());
+  return earlier;
+}
+
+std::uint64_t Registry::NewEpoch() {
+  MutexLock lock(mutex_);
+  return next_epoch_++;
+}
+
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::EnterMap(const std::string& map,
+                                                             std::unique_ptr<GlobalMapper> mapper,
+                                                             const std::string& request_id) {
+  MutexLock lock(mutex_);
+  absl::StatusOr<std::shared_ptr<MapActor>> earlier = CheckNewMapLocked(map, request_id);
+  if (!earlier.ok() || *earlier != nullptr) return earlier;
+  GEM_RETURN_IF_ERROR(CheckRoomLocked());
+  auto made = std::make_shared<MapActor>(map, std::move(mapper), MapActorOptionsOf(options_, news_),
+                                         metrics_);
+  maps_[map] = made;
+  made_.Remember(map, request_id, made->epoch());
+  spdlog::info("map {} imported", map);
+  return made;
+}
+
+absl::StatusOr<std::shared_ptr<MapActor>> Registry::CheckNewMapLocked(
+    const std::string& map, const std::string& request_id) const {
   if (stopped_) return GoingAway();
   const auto found = maps_.find(map);
   if (const std::uint64_t* epoch = made_.Find(map, request_id)) {
@@ -187,12 +231,7 @@ absl::StatusOr<std::shared_ptr<MapActor>> Registry::CreateMap(const std::string&
     return wire::WithField(
         absl::AlreadyExistsError(absl::StrCat("map is ", map, ", which exists, want a new id")),
         "map");
-  auto made = MakeMapLocked(map, setup, "setup.");
-  if (!made.ok()) return made.status();
-  maps_[map] = *made;
-  made_.Remember(map, request_id, (*made)->epoch());
-  spdlog::info("map {} created", map);
-  return made;
+  return nullptr;
 }
 
 absl::Status Registry::DeleteMap(const std::string& id, const std::string& request_id, bool force) {

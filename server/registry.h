@@ -44,6 +44,17 @@ class Registry {
   absl::StatusOr<std::shared_ptr<MapActor>> CreateMap(const std::string& map,
                                                       const wire::MapSetup& setup,
                                                       const std::string& request_id);
+  /// For maps that take time to make. The map that the request made before, or null: EnterMap()
+  /// would take it now. Errors as of CreateMap().
+  absl::StatusOr<std::shared_ptr<MapActor>> CheckNewMap(const std::string& map,
+                                                        const std::string& request_id) const;
+  /// For a map that is to be entered.
+  std::uint64_t NewEpoch();
+  /// Enters a map that was made elsewhere. Errors as of CreateMap(), and the map that the same
+  /// request has made meanwhile.
+  absl::StatusOr<std::shared_ptr<MapActor>> EnterMap(const std::string& map,
+                                                     std::unique_ptr<GlobalMapper> mapper,
+                                                     const std::string& request_id);
   /// Forgets a map and its sessions; streams, and all who wait for it, are told NOT_FOUND. It may
   /// be made again at once. NOT_FOUND; FAILED_PRECONDITION names the sessions that feed it, unless
   /// force is set. Blocks until the map's threads have ended and its memory is free: not for gRPC's
@@ -72,6 +83,10 @@ class Registry {
 
   absl::StatusOr<std::shared_ptr<MapActor>> FindMapLocked(const std::string& map) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<std::shared_ptr<MapActor>> CheckNewMapLocked(const std::string& map,
+                                                              const std::string& request_id) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status CheckRoomLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<MapActor>> FindOrMakeMapLocked(const wire::SessionSetup& setup)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Does not enter it into the books. field: of the request, for errors.

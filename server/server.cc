@@ -70,10 +70,9 @@ struct Server::Impl {
         registry(options, EpochNow(), metrics, &readers),
         guard(workers.reads),
         correction_guard(workers.corrections),
-        admin_guard(workers.admin),
         ingest_service(registry, options, metrics, correction_guard),
         tile_service(registry, tile_cache, readers, metrics, guard),
-        map_service(registry, options, metrics, guard, admin_guard),
+        map_service(registry, options, readers, metrics, guard, workers.admin),
         terrain_service(registry, metrics, guard),
         live_collector(std::make_shared<LiveCollector>(registry, readers, tile_cache)),
         process_collector(std::make_shared<ProcessCollector>()) {}
@@ -148,7 +147,6 @@ struct Server::Impl {
   Registry registry;
   CallGuard guard;
   CallGuard correction_guard;
-  CallGuard admin_guard;
   IngestService ingest_service;
   TileService tile_service;
   MapService map_service;

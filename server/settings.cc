@@ -160,9 +160,13 @@ std::vector<Setting> MakeSettings() {
       GEM_SETTING("tile_cache_bytes_max", tile_cache_bytes_max,
                   "encoded tiles and local maps that are kept, bytes"),
       GEM_SETTING("readers_max", readers_max, "streams to readers at once"),
+      GEM_SETTING("transfers_max", transfers_max, "maps that are exported and imported at once"),
+      GEM_SETTING("import_bytes_max", import_bytes_max, "bytes of a file of a map"),
+      GEM_SETTING("import_memory_bytes_max", import_memory_bytes_max,
+                  "bytes that an imported map may take in memory"),
       GEM_SETTING("worker_threads", worker_threads, "threads that encode tiles"),
       GEM_SETTING("worker_queue_max", worker_queue_max, "requests that wait for those threads"),
-      GEM_SETTING("admin_threads", admin_threads, "threads that delete maps"),
+      GEM_SETTING("admin_threads", admin_threads, "threads that delete and import maps"),
   };
 }
 
