@@ -7,7 +7,7 @@ set -euo pipefail
 packages=(
   cmake ninja-build make g++ pkg-config ccache mold git ca-certificates
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev libeigen3-dev
-  prometheus-cpp-dev libzstd-dev libxxhash-dev libyaml-cpp-dev libcli11-dev libspdlog-dev libpng-dev zlib1g-dev libssl-dev
+  prometheus-cpp-dev libzstd-dev libxxhash-dev libgoogle-perftools-dev libyaml-cpp-dev libcli11-dev libspdlog-dev libpng-dev zlib1g-dev libssl-dev
   libopencv-calib3d-dev
   libgtest-dev libgmock-dev libbenchmark-dev
 )

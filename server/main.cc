@@ -1,6 +1,4 @@
 // gem_server: options, signals, and the line that says it is ready.
-#include <malloc.h>
-
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
@@ -18,19 +16,6 @@ namespace {
 int Fail(const absl::Status& status) {
   std::fprintf(stderr, "gem_server: %s\n", std::string(status.message()).c_str());
   return absl::IsInvalidArgument(status) ? 2 : 1;
-}
-
-/// A scan is a megabyte or two, allocated and freed ten times a second by every robot. By default
-/// each goes back to the kernel, and its pages are cleared and mapped again for the next: about a
-/// tenth of the processor time of taking it in. Few arenas, because each keeps what was freed in
-/// it: with glibc's own number `gem bench soak` found twice the memory resident.
-void KeepFreedMemory() {
-  // NOLINTBEGIN(concurrency-mt-unsafe): before there is a second thread.
-  mallopt(M_ARENA_MAX, 2);
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
-  mallopt(M_TRIM_THRESHOLD, 64 << 20);
-  mallopt(M_TOP_PAD, 16 << 20);
-  // NOLINTEND(concurrency-mt-unsafe)
 }
 
 struct FlagValue {
@@ -70,7 +55,6 @@ int main(int argc, char** argv) {
                           ->default_str(setting.get(defaults));
   }
   CLI11_PARSE(app, argc, argv);
-  KeepFreedMemory();
 
   // Pretending to keep maps would be worse than refusing to.
   if (!data_dir.empty())

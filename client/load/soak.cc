@@ -32,9 +32,11 @@ constexpr std::chrono::seconds kSamplePeriod(1);
 constexpr std::chrono::seconds kMapLife(20);
 constexpr double kDeadline_s = 20;
 
-/// Small limits, so that all of them are reached within a minute.
+/// Small limits, so that all of them are reached within the warm-up: what grows after it is lost.
 std::vector<std::string> ServerFlags() {
-  return {"--session_idle_s_max", "2", "--ended_sessions_max", "8", "--log_level", "error"};
+  return {"--session_idle_s_max",   "2",       "--ended_sessions_max", "8",
+          "--revision_retention_s", "2",       "--request_ids_max",    "10",
+          "--tile_cache_bytes_max", "8388608", "--log_level",          "error"};
 }
 
 /// What everybody shares.
