@@ -64,6 +64,12 @@ absl::StatusOr<std::unique_ptr<const ScanTape>> ScanTape::Record(
   return tape;
 }
 
+std::unique_ptr<const ScanTape> ScanTape::WithoutPoses() const {
+  auto tape = std::make_unique<ScanTape>(*this);
+  for (Recorded& recorded : tape->scans_) recorded.head.clear_odom_from_base();
+  return tape;
+}
+
 const ScanTape::Recorded& ScanTape::At(std::uint64_t seq) const {
   if (scans_.size() == 1) return scans_.front();
   // Both ends come once in a round.

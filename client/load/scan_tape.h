@@ -27,6 +27,10 @@ class ScanTape {
   static absl::StatusOr<std::unique_ptr<const ScanTape>> Record(
       ScanSource& source, const client::IngestOptions& options, std::size_t num_scans_max);
 
+  /// The same scans without poses: a server that waits for none refuses each once it has decoded
+  /// it.
+  std::unique_ptr<const ScanTape> WithoutPoses() const;
+
   const std::string& name() const { return name_; }
   std::size_t num_scans() const { return scans_.size(); }
   const std::vector<client::SensorSetup>& sensors() const { return sensors_; }

@@ -205,24 +205,32 @@ bool Sustained(const RobotsResult& robots) {
                                         kLateShareMax * static_cast<double>(robots.num_scans);
 }
 
-struct IngestRound {
-  double scans_hz = 0;
-  double cpu_ms = 0;
+/// One kind of receiver in every round.
+struct IngestRounds {
+  std::vector<double> scans_hz, cpu_ms;
 };
 
-absl::StatusOr<IngestRound> Flood(const ServerProcess& server, const ScanTape& tape,
-                                  int num_streams, double seconds, const std::string& name) {
-  GEM_ASSIGN_OR_RETURN(const std::unique_ptr<Fleet> fleet,
-                       Fleet::Open(server, tape, num_streams, name));
+/// Which of the scans a receiver must refuse.
+enum class Refuses : std::uint8_t { kNone, kAll };
+
+absl::Status Flood(const ServerProcess& server, const ScanTape& tape, int num_streams,
+                   double seconds, Refuses refuses, IngestRounds& rounds) {
+  GEM_ASSIGN_OR_RETURN(
+      const std::unique_ptr<Fleet> fleet,
+      Fleet::Open(server, tape, num_streams, absl::StrCat("round", rounds.scans_hz.size())));
   fleet->FloodUntil(Clock::now() + Seconds(kWarmUp_s + seconds));
   std::this_thread::sleep_for(Seconds(kWarmUp_s));
   const CpuMeter meter(server.pid());
   const std::uint64_t before = fleet->num_done();
   std::this_thread::sleep_for(Seconds(seconds));
   const auto num_scans = static_cast<double>(fleet->num_done() - before);
-  const IngestRound round = {num_scans / meter.elapsed_s(), meter.server_s() / num_scans * 1e3};
-  GEM_RETURN_IF_ERROR(fleet->Close().status());
-  return round;
+  rounds.scans_hz.push_back(num_scans / meter.elapsed_s());
+  rounds.cpu_ms.push_back(meter.server_s() / num_scans * 1e3);
+  GEM_ASSIGN_OR_RETURN(const RobotsResult result, fleet->Close());
+  const std::uint64_t expected = refuses == Refuses::kAll ? result.num_scans : 0;
+  if (result.num_refused == expected) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat(result.num_refused, " of ", result.num_scans,
+                                          " scans were refused, want ", expected));
 }
 
 double MedianOf(std::vector<double> values) {
@@ -230,6 +238,13 @@ double MedianOf(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+IngestRate RateOf(const IngestRounds& rounds, const IngestRounds& bare) {
+  std::vector<double> shares;
+  for (std::size_t i = 0; i < rounds.scans_hz.size(); ++i)
+    shares.push_back(rounds.scans_hz[i] / bare.scans_hz[i]);
+  return {MedianOf(rounds.scans_hz), MedianOf(std::move(shares)), MedianOf(rounds.cpu_ms)};
 }
 
 }  // namespace
@@ -277,27 +292,23 @@ absl::StatusOr<IngestResult> BenchIngest(const ScanTape& tape, const std::string
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<ServerProcess> bare,
                        ServerProcess::StartOwn({"bench", "bare_server"}));
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<ServerProcess> server, ServerProcess::Start());
-  std::vector<double> bare_hz, server_hz, shares, bare_cpu_ms, server_cpu_ms;
+  GEM_ASSIGN_OR_RETURN(const std::unique_ptr<ServerProcess> unmapping,
+                       ServerProcess::Start({"--pose_wait_s_max", "0"}));
+  const std::unique_ptr<const ScanTape> without_poses = tape.WithoutPoses();
+  IngestRounds of_bare, of_unmapping, of_server;
   for (int i = 0; i < options.rounds; ++i) {
-    const std::string name = absl::StrCat("round", i);
-    GEM_ASSIGN_OR_RETURN(const IngestRound without,
-                         Flood(*bare, tape, num_streams, options.flood_s, name));
-    GEM_ASSIGN_OR_RETURN(const IngestRound with,
-                         Flood(*server, tape, num_streams, options.flood_s, name));
-    bare_hz.push_back(without.scans_hz);
-    server_hz.push_back(with.scans_hz);
-    shares.push_back(with.scans_hz / without.scans_hz);
-    bare_cpu_ms.push_back(without.cpu_ms);
-    server_cpu_ms.push_back(with.cpu_ms);
+    GEM_RETURN_IF_ERROR(Flood(*bare, tape, num_streams, options.flood_s, Refuses::kNone, of_bare));
+    GEM_RETURN_IF_ERROR(Flood(*unmapping, *without_poses, num_streams, options.flood_s,
+                              Refuses::kAll, of_unmapping));
+    GEM_RETURN_IF_ERROR(
+        Flood(*server, tape, num_streams, options.flood_s, Refuses::kNone, of_server));
   }
   return IngestResult{encoding,
                       num_streams,
                       tape.mean_payload_bytes(),
-                      MedianOf(bare_hz),
-                      MedianOf(server_hz),
-                      MedianOf(shares),
-                      MedianOf(bare_cpu_ms),
-                      MedianOf(server_cpu_ms)};
+                      RateOf(of_bare, of_bare),
+                      RateOf(of_unmapping, of_bare),
+                      RateOf(of_server, of_bare)};
 }
 
 absl::StatusOr<WatchResult> BenchWatching(const ScanTape& tape, int num_watchers,

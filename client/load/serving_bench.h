@@ -62,18 +62,25 @@ struct ReadingBench {
 
 absl::StatusOr<ReadingBench> BenchReading(const ScanTape& tape, const ServingOptions& options);
 
-/// One stream after the other, or several at once, as fast as they go.
+/// Scans that are received; medians of the rounds.
+struct IngestRate {
+  double scans_hz = 0;
+  double share = 1;   ///< of what a bare stream receives in the same round
+  double cpu_ms = 0;  ///< processor time of the process that receives, a scan
+};
+
+/// One stream, or several at once, as fast as they go.
 struct IngestResult {
   std::string encoding;
   int num_streams = 0;
   double bytes_per_scan = 0;
-  double bare_hz = 0;  ///< scans; medians of the rounds
-  double server_hz = 0;
-  double share = 0;        ///< median of the rounds' quotients
-  double bare_cpu_ms = 0;  ///< processor time of the process that takes in, a scan
-  double server_cpu_ms = 0;
+  IngestRate bare;  ///< read, parsed and acknowledged by a gRPC stream that does nothing else
+  /// Everything but the mapping: queued, validated, decoded, and then refused for want of a pose.
+  IngestRate taken;
+  IngestRate mapped;  ///< fused into local maps and the global map
 };
 
+/// INTERNAL if the server refuses a scan that it should fuse, or fuses one that has no pose.
 absl::StatusOr<IngestResult> BenchIngest(const ScanTape& tape, const std::string& encoding,
                                          int num_streams, const ServingOptions& options);
 

@@ -12,7 +12,8 @@ ServingReport Report() {
   ServingReport report;
   report.scans = "street, 11 scans";
   report.points_per_scan = 120'000;
-  report.ingest.push_back({"int16", 4, 720'000, 800, 600, 0.75, 1.5, 2.25});
+  report.ingest.push_back(
+      {"int16", 4, 720'000, {800, 1, 0.5}, {700, 0.875, 0.75}, {600, 0.75, 2.25}});
   load::ReadingBench reading;
   reading.num_tiles = 40;
   reading.robots_sustained = 12;
@@ -32,7 +33,8 @@ ServingReport Report() {
 TEST(BenchServing, IsATableForPeople) {
   const std::string table = ServingTable(Report());
   EXPECT_THAT(table, HasSubstr("street, 11 scans, 120000 points each"));
-  EXPECT_THAT(table, HasSubstr("int16            4      0.72        800        600     75%"));
+  EXPECT_THAT(table, HasSubstr("int16           4     0.72      800      700    88%       600    "
+                               "75%     0.50     0.75     2.25"));
   EXPECT_THAT(table, HasSubstr("12     16      100      1600     1.25     4.50     960      3"));
   EXPECT_THAT(table, HasSubstr("12 robots at 10 Hz are sustained"));
   EXPECT_THAT(table,
@@ -41,7 +43,7 @@ TEST(BenchServing, IsATableForPeople) {
 
 TEST(BenchServing, IsAnObjectForPrograms) {
   const std::string json = ServingJson(Report());
-  EXPECT_THAT(json, HasSubstr("\"share\":0.75"));
+  EXPECT_THAT(json, HasSubstr("\"mapped\":{\"scans_hz\":600,\"share\":0.75,\"cpu_ms\":2.25}"));
   EXPECT_THAT(json, HasSubstr("\"robots_sustained\":12,\"paced\":[],\"flooded\":[{\"num_robots\":"
                               "12,\"tiles_per_call\":16"));
   EXPECT_THAT(json, HasSubstr("\"watching\":[{\"num_watchers\":100,\"num_silent\":1,"));

@@ -55,6 +55,15 @@ TEST(ScanTape, PlaysForwardsAndBackwardsWithoutAJump) {
   EXPECT_THAT(x_m, testing::ElementsAre(1, 2, 3, 2, 1, 2, 3, 2, 1));
 }
 
+TEST(ScanTape, LeavesOutThePosesIfAsked) {
+  const auto tape = TapeOf(3);
+  const v1::IngestRequest with = Parsed(tape->Message(2));
+  const v1::IngestRequest without = Parsed(tape->WithoutPoses()->Message(2));
+  EXPECT_FALSE(without.scan().has_odom_from_base());
+  EXPECT_EQ(without.scan().points(), with.scan().points());
+  EXPECT_EQ(without.scan().seq(), 2u);
+}
+
 TEST(ScanTape, OfOneScanRepeatsIt) {
   const auto tape = TapeOf(1);
   EXPECT_EQ(Parsed(tape->Message(1)).scan().odom_from_base().x(), 1);
