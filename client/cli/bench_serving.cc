@@ -32,7 +32,7 @@ constexpr int kAzimuths = 2250;
 struct ServingFlags {
   std::string dir;
   std::string poses;
-  std::vector<std::string> parts = {"ingest", "reading"};
+  std::vector<std::string> parts = {"ingest", "reading", "watching"};
   std::vector<std::string> encodings = {"float32", "int16", "compact"};
   std::vector<int> streams = {1, 4};
   std::vector<int> watchers = {0, 10, 100};

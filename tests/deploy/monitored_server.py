@@ -77,18 +77,21 @@ class MonitoredServer:
         return [float(series["value"][1]) for series in data["result"]]
 
     def load(self):
-        """A robot drives for ten seconds, is corrected, and planners read; then three more scrapes."""
+        """A robot drives for ten seconds, is corrected, planners read and watch; then three more scrapes."""
         self.wait_for_scrapes(1)
         robot = ["simulate", "block", "--robot", "r1", "--rings", "16", "--azimuths", "256", "--submap_length_m", "3",
                  "--rate", "10", "--scans", "100", "--correct_at", "30,60,end", "--map", "site"]
         with self._gem(*robot) as driving:
             wait_until("the first tile", lambda: re.search(r"^gem_tiles\{.*\} [1-9]", self.page(), re.M), LOAD_S_MAX)
             deadline = time.monotonic() + LOAD_S_MAX
-            while driving.poll() is None:
-                self._read()
-                time.sleep(0.5)
-                if time.monotonic() > deadline:
-                    driving.kill()
+            with self._gem("watch", "--map", "site") as watching:
+                while driving.poll() is None:
+                    self._read()
+                    time.sleep(0.5)
+                    if time.monotonic() > deadline:
+                        driving.kill()
+                self.wait_for_scrapes(1)
+                watching.terminate()
         if driving.returncode != 0:
             raise RuntimeError(f"gem simulate ended with {driving.returncode}")
         self._read()

@@ -84,6 +84,10 @@ class Monitoring(unittest.TestCase):
                  for _, expression in expressions_of(dashboard) for metric in metrics_of(expression)}
         self.assertEqual(families - shown, NOT_SHOWN)
 
+    def test_watchers_are_counted(self):
+        self.assertGreater(sum(self.monitored.query('gem_rpc_sent_messages_total{method="WatchTiles"}')), 1)
+        self.assertGreater(sum(self.monitored.query('max_over_time(gem_rpc_active_calls{method="WatchTiles"}[5m])')), 0)
+
     def test_variables_have_values(self):
         for name, dashboard in load_all():
             for variable in dashboard["templating"]["list"]:
