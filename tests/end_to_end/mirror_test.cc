@@ -127,9 +127,8 @@ void WaitUntilItShows(const client::MapMirror& mirror, const MapVersion& version
 }
 
 TEST(MapMirror, OverALinkThatBreaksIsAlwaysOneVersionAndInTheEndTheNewest) {
-  const ServerProcess server({"--publish_hz", "50", "--pose_wait_s_max", "10",
-                              "--revision_retention_s", "600", "--revision_bytes_max",
-                              "1073741824"});
+  const ServerProcess server(
+      {"--publish_hz", "50", "--pose_wait_s_max", "10", "--revision_retention_s", "600"});
   SceneOptions scene;
   scene.name = "block";
   scene.rings = 8;
