@@ -27,13 +27,27 @@ std::vector<std::string> Includes(const fs::path& file) {
   return found;
 }
 
+/// All files and folders below a folder, but not what npm installed.
+std::vector<fs::path> Below(const std::string& folder) {
+  std::vector<fs::path> found;
+  for (auto entry = fs::recursive_directory_iterator(kRoot / folder); entry != fs::end(entry);
+       ++entry) {
+    if (entry->path().filename() == "node_modules") {
+      entry.disable_recursion_pending();
+    } else {
+      found.push_back(entry->path());
+    }
+  }
+  return found;
+}
+
 /// All sources below a folder, as paths relative to the root.
 std::vector<std::string> Sources(const std::string& folder) {
   std::vector<std::string> found;
-  for (const auto& entry : fs::recursive_directory_iterator(kRoot / folder)) {
-    const std::string extension = entry.path().extension();
+  for (const fs::path& path : Below(folder)) {
+    const std::string extension = path.extension();
     if (extension == ".h" || extension == ".cc" || extension == ".cu") {
-      found.push_back(fs::relative(entry.path(), kRoot));
+      found.push_back(fs::relative(path, kRoot));
     }
   }
   return found;
@@ -181,8 +195,8 @@ TEST(Layers, TheReaderSeesTheIncludesItJudges) {
 TEST(Style, NoDrawersAndNoTabs) {
   const std::set<std::string> kDrawers = {"utils", "util", "common", "misc", "helpers"};
   for (const char* folder : {"core", "proto", "server", "client", "tests"}) {
-    for (const auto& entry : fs::recursive_directory_iterator(kRoot / folder)) {
-      EXPECT_EQ(kDrawers.count(entry.path().filename()), 0u) << entry.path();
+    for (const fs::path& path : Below(folder)) {
+      EXPECT_EQ(kDrawers.count(path.filename()), 0u) << path;
     }
     for (const std::string& source : Sources(folder)) {
       std::ifstream in(kRoot / source);
