@@ -28,7 +28,7 @@ struct Workers {
   WorkerPool admin;
 
  private:
-  /// A million poses take it a tenth of a second; then the map's thread has more to do with them.
+  /// Reading poses is little beside what the map's thread then does with them.
   static constexpr int kCorrectionThreads = 1;
 };
 

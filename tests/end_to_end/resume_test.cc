@@ -107,6 +107,30 @@ TEST(Resume, TwoHundredBrokenConnectionsLeaveTheSameMapAsNone) {
             "");
 }
 
+TEST(Resume, ARobotThatMayDropScansLosesCountOfNone) {
+  constexpr int kNumCuts = 40;  // few scans travel, and tries without one are bounded
+  const ServerProcess server({"--pose_wait_s_max", "10", "--overload_age_s_max", "0.02"});
+  const Drive drive = BlockDrive(300);
+  const std::vector<Fault> faults = RandomFaults(/*seed=*/6);
+  const TcpProxy radio(server.address(), [&](int connection) {
+    return connection < kNumCuts ? faults[static_cast<std::size_t>(connection)] : Fault();
+  });
+  client::IngestOptions options = Stubborn();
+  options.overload = client::OverloadPolicy::kDropOldest;
+  options.unsent_scans_max = 100;
+  options.backoff_s_min = options.backoff_s_max = 0.01;
+  StreamingRobot robot(radio.address(), SetupOf(drive, "radio", "rover", "monday"), drive, options);
+  ASSERT_TRUE(robot.Send(0, drive.scans.size()).ok());
+  const auto closed = robot.client().Close();
+  ASSERT_TRUE(closed.ok()) << closed.status();
+  const client::IngestProgress progress = robot.client().progress();
+  EXPECT_GT(progress.num_reconnects, 5u);
+  EXPECT_GT(closed->num_scans_fused, 0u);
+  EXPECT_EQ(closed->num_scans_refused, 0u);
+  EXPECT_EQ(closed->num_scans_fused + closed->num_scans_dropped + progress.num_dropped,
+            drive.scans.size());
+}
+
 TEST(Resume, TheComparisonSeesOneScanThatIsMissing) {
   const ServerProcess server(kPatient);
   Drive drive = BlockDrive(60);
