@@ -20,19 +20,6 @@ constexpr std::uint32_t kPageSize = 1000;
 constexpr int kPagesMax = 100'000;
 constexpr auto kCorrectionPause = std::chrono::milliseconds(200);
 
-MapInfo FromProto(const v1::Map& proto) {
-  return {proto.id(),
-          proto.cell_size_m(),
-          proto.submap_length_m(),
-          proto.traversable_only(),
-          wire::FromProto(proto.version()),
-          proto.num_submaps(),
-          proto.num_points(),
-          proto.submap_bytes(),
-          proto.num_tiles(),
-          {proto.sessions().begin(), proto.sessions().end()}};
-}
-
 absl::StatusOr<SubmapInfo> FromProto(const v1::Submap& proto, const wire::FieldPath& field) {
   auto T_G_K =
       wire::FromProto<Global, Submap>(proto.map_from_submap(), field.Child("map_from_submap"));
@@ -45,7 +32,12 @@ absl::StatusOr<SubmapInfo> FromProto(const v1::Submap& proto, const wire::FieldP
                     proto.num_points(),
                     proto.first_stamp_ns(),
                     proto.last_stamp_ns(),
-                    proto.finished()};
+                    proto.finished(),
+                    proto.has_extent()
+                        ? std::optional(Region{proto.extent().x_min(), proto.extent().y_min(),
+                                               proto.extent().x_max(), proto.extent().y_max()})
+                        : std::nullopt,
+                    {proto.sessions().begin(), proto.sessions().end()}};
 }
 
 template <typename Proto>
@@ -85,6 +77,20 @@ absl::Status NeverStillError(const std::string& map, int tries) {
 
 }  // namespace
 
+MapInfo MapInfoOf(const v1::Map& proto) {
+  return {proto.id(),
+          proto.cell_size_m(),
+          proto.submap_length_m(),
+          proto.traversable_only(),
+          wire::FromProto(proto.version()),
+          proto.num_submaps(),
+          proto.num_points(),
+          proto.submap_bytes(),
+          proto.num_tiles(),
+          {proto.sessions().begin(), proto.sessions().end()},
+          proto.num_sessions()};
+}
+
 MapClient::MapClient(std::shared_ptr<const Connection> connection, MapClientOptions options)
     : connection_(std::move(connection)),
       options_(options),
@@ -98,7 +104,7 @@ absl::StatusOr<MapInfo> MapClient::GetMap(const std::string& map) const {
   request.set_map(map);
   GEM_RETURN_IF_ERROR(stubs_->Call(*stubs_->map, &v1::MapService::Stub::GetMap, options_.deadline_s,
                                    request, response));
-  return FromProto(response.map());
+  return MapInfoOf(response.map());
 }
 
 absl::StatusOr<std::vector<MapInfo>> MapClient::ListMaps() const {
@@ -109,7 +115,7 @@ absl::StatusOr<std::vector<MapInfo>> MapClient::ListMaps() const {
     v1::ListMapsResponse response;
     GEM_RETURN_IF_ERROR(stubs_->Call(*stubs_->map, &v1::MapService::Stub::ListMaps,
                                      options_.deadline_s, request, response));
-    for (const v1::Map& map : response.maps()) maps.push_back(FromProto(map));
+    for (const v1::Map& map : response.maps()) maps.push_back(MapInfoOf(map));
     if (response.next_page_token().empty()) return maps;
     request.set_page_token(response.next_page_token());
   }

@@ -1,13 +1,15 @@
-// Reads maps from a server, and corrects them: one function per unary call, with deadlines. Not for
-// scans: those go through IngestClient.
+// Reads maps from a server, corrects and manages them: one function per call, with deadlines. Not
+// for scans: those go through IngestClient.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "client/connection.h"
 #include "client/map_types.h"
 
@@ -29,17 +31,14 @@ struct MapClientOptions {
   int consistent_tries_max = 20;
   /// How often a correction is sent if the server is not reached. Range [1, 100].
   int correction_tries_max = 3;
+  /// Of a whole map that is exported or imported. Range (0, 1e6].
+  double transfer_deadline_s = 3600;
 };
 
 /// What a call asks for of the cells.
 struct CellSelection {
   std::vector<Layer> layers = {Layer::kElevation};
   CellEncoding encoding = CellEncoding::kCompact;
-};
-
-/// A rectangle of G, metres, half open: [x_m_min, x_m_max) x [y_m_min, y_m_max).
-struct Region {
-  double x_m_min = 0, y_m_min = 0, x_m_max = 0, y_m_max = 0;
 };
 
 /// Which tiles are read, and what the caller has of them.
@@ -100,6 +99,28 @@ class MapClient {
   /// Returns when the corrected map is published. Sent again if the server is not reached: the
   /// request id makes that harmless.
   absl::StatusOr<CorrectionResult> CorrectTrajectory(const Correction& correction) const;
+
+  // What changes maps is sent again if the server is not reached: the request id, made if it is
+  // empty, makes that harmless.
+  absl::StatusOr<MapInfo> CreateMap(const NewMap& map, const std::string& request_id = "") const;
+  /// force: also if sessions feed it.
+  absl::Status DeleteMap(const std::string& map, bool force,
+                         const std::string& request_id = "") const;
+  /// All sessions that ever fed a map, by order of arrival.
+  absl::StatusOr<std::vector<SessionInfo>> ListSessions(const std::string& map) const;
+  /// Takes what a session contributed out of a map, or brings it back.
+  absl::StatusOr<RetractionResult> RetractSession(const std::string& map,
+                                                  const std::string& session, bool restore,
+                                                  const std::string& request_id = "") const;
+  /// The map as a file: calls write(bytes) until it is complete, or until write fails. Not sent
+  /// again.
+  absl::Status ExportMap(const std::string& map,
+                         const std::function<absl::Status(absl::string_view)>& write) const;
+  /// Makes a map of a file: read(size_max) gives its next bytes, at most so many, and none at the
+  /// end. Not sent again, but may be, with the same request id.
+  absl::StatusOr<MapInfo> ImportMap(
+      const std::string& map, const std::function<absl::StatusOr<std::string>(std::size_t)>& read,
+      const std::string& request_id = "") const;
 
   absl::StatusOr<ServerStatus> GetServerStatus() const;
 

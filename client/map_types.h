@@ -27,7 +27,39 @@ struct MapInfo {
   std::uint64_t num_points = 0;
   std::uint64_t submap_bytes = 0;
   std::uint64_t num_tiles = 0;
-  std::vector<std::string> sessions;
+  std::vector<std::string> sessions;  ///< the newest, at most 100
+  std::uint64_t num_sessions = 0;     ///< that ever fed the map
+};
+
+/// A rectangle of G, metres, half open: [x_m_min, x_m_max) x [y_m_min, y_m_max).
+struct Region {
+  double x_m_min = 0, y_m_min = 0, x_m_max = 0, y_m_max = 0;
+};
+
+/// What a new map is to be; what is unset takes the server's default.
+struct NewMap {
+  std::string map;
+  std::optional<float> cell_size_m;
+  std::optional<float> submap_length_m;
+  bool traversable_only = false;
+};
+
+/// A session that fed a map.
+struct SessionInfo {
+  std::string id;
+  std::string robot;
+  bool active = false;
+  bool retracted = false;    ///< what it contributed is out of the map
+  Pose<Global, Odom> T_G_O;  ///< at its newest pose
+  std::uint64_t num_submaps = 0;
+  std::uint64_t num_points = 0;
+};
+
+struct RetractionResult {
+  MapVersion version;  ///< shows it
+  std::uint32_t num_submaps = 0;
+  std::uint64_t num_merged_points = 0;
+  std::uint32_t num_touched_tiles = 0;
 };
 
 struct SubmapInfo {
@@ -40,6 +72,8 @@ struct SubmapInfo {
   std::int64_t first_stamp_ns = 0;
   std::int64_t last_stamp_ns = 0;
   bool finished = false;
+  std::optional<Region> extent = std::nullopt;  ///< of its cells; nothing if it lies on its side
+  std::vector<std::string> sessions = {};       ///< whose scans are in it
 };
 
 /// Geometry and extent of a level of a map's tiles.

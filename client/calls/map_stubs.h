@@ -26,15 +26,19 @@ struct MapClient::Stubs {
         terrain(v1::TerrainService::NewStub(connection.channel())),
         address(connection.address()) {}
 
+  static void SetDeadline(grpc::ClientContext& context, double deadline_s) {
+    context.set_deadline(std::chrono::system_clock::now() +
+                         std::chrono::duration_cast<std::chrono::system_clock::duration>(
+                             std::chrono::duration<double>(deadline_s)));
+  }
+
   /// Makes one call: `(stub->*method)(context, request, response)`.
   template <typename Stub, typename Request, typename Response>
   absl::Status Call(Stub& stub,
                     grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                     double deadline_s, const Request& request, Response& response) const {
     grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() +
-                         std::chrono::duration_cast<std::chrono::system_clock::duration>(
-                             std::chrono::duration<double>(deadline_s)));
+    SetDeadline(context, deadline_s);
     return ToStatus((stub.*method)(&context, request, &response), address);
   }
 
@@ -44,5 +48,7 @@ struct MapClient::Stubs {
   const std::unique_ptr<v1::TerrainService::Stub> terrain;
   const std::string address;
 };
+
+MapInfo MapInfoOf(const v1::Map& proto);
 
 }  // namespace gem::client

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "client/cli/fleet_report.h"
 #include "client/datasets/pose_file.h"
 #include "client/map_client.h"
 #include "core/base/status_macros.h"
@@ -18,6 +19,7 @@ struct CorrectFlags {
   std::string session;
   std::string poses;
   std::string times;
+  bool json = false;
 };
 
 absl::Status Correct(const CorrectFlags& flags) {
@@ -26,6 +28,14 @@ absl::Status Correct(const CorrectFlags& flags) {
   const MapClient client(std::make_shared<const Connection>(ConnectionOptions{flags.server}));
   GEM_ASSIGN_OR_RETURN(const CorrectionResult result,
                        client.CorrectTrajectory({flags.map, flags.session, "", *std::move(poses)}));
+  if (flags.json) {
+    std::printf(
+        "{%s,\"num_moved_submaps\":%u,\"num_touched_tiles\":%u,\"num_poses_ahead\":%u,"
+        "\"num_poses_ignored\":%u}\n",
+        VersionJson(result.version).c_str(), result.num_moved_submaps, result.num_touched_tiles,
+        result.num_poses_ahead, result.num_poses_ignored);
+    return absl::OkStatus();
+  }
   std::printf("moved %u submaps and %u tiles; %u poses ahead, %u ignored; version %llu.%llu\n",
               result.num_moved_submaps, result.num_touched_tiles, result.num_poses_ahead,
               result.num_poses_ignored, static_cast<unsigned long long>(result.version.epoch),
@@ -45,6 +55,7 @@ void AddCorrectCommand(CLI::App& app, std::function<absl::Status()>& run) {
   command->add_option("--poses", flags->poses, "T_G_B, twelve numbers [R | t] a line")->required();
   command->add_option("--times", flags->times, "Time of each pose, seconds, one a line")
       ->required();
+  command->add_flag("--json", flags->json, "For programs");
   command->callback([flags, &run] { run = [flags] { return Correct(*flags); }; });
 }
 

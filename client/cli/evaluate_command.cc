@@ -35,6 +35,7 @@ struct EvaluateFlags {
   double scale = 1;
   int threads = 2;
   std::uint64_t seed = 1;
+  bool json = false;
 };
 
 constexpr std::uint64_t kProgressSteps = 1000;
@@ -93,7 +94,12 @@ absl::Status Evaluate(const EvaluateFlags& flags) {
     const auto begin = std::chrono::steady_clock::now();
     GEM_ASSIGN_OR_RETURN(const Report report, RunOne(*experiment, flags));
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
-    PrintFigures(report, elapsed.count());
+    if (flags.json) {
+      std::fputs(evaluation::Json(report).c_str(), stdout);
+      std::fflush(stdout);
+    } else {
+      PrintFigures(report, elapsed.count());
+    }
     GEM_RETURN_IF_ERROR(WritePlots(report, out / report.name));
     absl::StrAppend(&text, evaluation::Markdown(report, flags.out_dir), "\n");
     GEM_RETURN_IF_ERROR(
@@ -126,6 +132,7 @@ void AddEvaluateCommand(CLI::App& app, std::function<absl::Status()>& run) {
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
   command->add_option("--seed", flags->seed, "Of everything random")->capture_default_str();
+  command->add_flag("--json", flags->json, "A report a line, for programs");
   command->callback([flags, &run] { run = [flags] { return Evaluate(*flags); }; });
 }
 

@@ -9,7 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/cli/export_flags.h"
+#include "client/cli/fleet_report.h"
 #include "client/cli/grid_export.h"
+#include "client/cli/json.h"
 #include "client/formats/text_file.h"
 #include "client/map_client.h"
 #include "core/base/status_macros.h"
@@ -41,6 +43,14 @@ absl::Status ExportMap(const MapExportFlags& flags) {
                         absl::StrCat("map ", flags.map, ": ", placed.status().message()));
   GEM_ASSIGN_OR_RETURN(const std::string contents, Export(*placed, layer, format));
   GEM_RETURN_IF_ERROR(WriteFileAtomically(flags.file.out, contents));
+  if (flags.file.json) {
+    std::printf(
+        "{\"file\":%s,\"layer\":%s,\"map\":%s,\"columns\":%d,\"rows\":%d,\"cell_size_m\":%s,%s}\n",
+        JsonText(flags.file.out).c_str(), JsonText(flags.file.layer).c_str(),
+        JsonText(flags.map).c_str(), placed->grid.columns, placed->grid.rows,
+        JsonNumber(placed->grid.cell_size_m).c_str(), VersionJson(tiled.matrix.version).c_str());
+    return absl::OkStatus();
+  }
   std::printf("%s: %s of map %s, %d x %d cells of %g m, version %llu.%llu\n",
               flags.file.out.c_str(), flags.file.layer.c_str(), flags.map.c_str(),
               placed->grid.columns, placed->grid.rows, placed->grid.cell_size_m,

@@ -39,6 +39,7 @@ void AddExportFlags(CLI::App& command, const std::vector<Layer>& layers, ExportF
                   "where nothing has a colour")
       ->capture_default_str();
   command.add_option("--out", flags.out, "File to write")->required();
+  command.add_flag("--json", flags.json, "What was written, for programs");
 }
 
 absl::StatusOr<Layer> ParseLayerFlag(const std::string& name, const std::vector<Layer>& layers) {

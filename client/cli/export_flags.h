@@ -19,6 +19,7 @@ struct ExportFlags {
   std::string layer = "elevation";
   std::string format = "asc";
   std::string out;
+  bool json = false;
 };
 
 /// The layers that a command can write, as they are typed.

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/cli/export_flags.h"
 #include "client/cli/grid_export.h"
+#include "client/cli/json.h"
 #include "client/formats/text_file.h"
 #include "client/map_client.h"
 #include "core/base/status_macros.h"
@@ -34,11 +35,21 @@ absl::Status ExportLocalMap(const LocalFlags& flags) {
   GEM_ASSIGN_OR_RETURN(const std::string contents, Export(placed, layer, format));
   GEM_RETURN_IF_ERROR(WriteFileAtomically(flags.file.out, contents));
   const std::vector<std::uint8_t>& valid = placed.grid.Find(layer)->valid;
+  const auto num_valid = static_cast<long long>(std::count(valid.begin(), valid.end(), 1));
+  if (flags.file.json) {
+    std::printf(
+        "{\"file\":%s,\"layer\":%s,\"robot\":%s,\"session\":%s,\"seq\":%llu,\"columns\":%d,"
+        "\"rows\":%d,\"cell_size_m\":%s,\"num_valid\":%lld}\n",
+        JsonText(flags.file.out).c_str(), JsonText(flags.file.layer).c_str(),
+        JsonText(flags.robot).c_str(), JsonText(local.session).c_str(),
+        static_cast<unsigned long long>(local.seq), placed.grid.columns, placed.grid.rows,
+        JsonNumber(placed.grid.cell_size_m).c_str(), num_valid);
+    return absl::OkStatus();
+  }
   std::printf("%s: %s of robot %s after scan %llu, %d x %d cells of %g m in O, %lld with a value\n",
               flags.file.out.c_str(), flags.file.layer.c_str(), flags.robot.c_str(),
               static_cast<unsigned long long>(local.seq), placed.grid.columns, placed.grid.rows,
-              placed.grid.cell_size_m,
-              static_cast<long long>(std::count(valid.begin(), valid.end(), 1)));
+              placed.grid.cell_size_m, num_valid);
   return absl::OkStatus();
 }
 

@@ -32,13 +32,15 @@ struct ReplayFlags {
 absl::Status ReplayLidar(const ReplayFlags& flags) {
   GEM_ASSIGN_OR_RETURN(const std::unique_ptr<KittiSource> source, KittiSource::Open(flags.kitti));
   GEM_RETURN_IF_ERROR(StreamToServer(*source, flags.stream));
+  // Beside the summary for programs, not in it.
+  std::FILE* const out = flags.stream.json ? stderr : stdout;
   const auto count = [](std::uint64_t number) { return static_cast<unsigned long long>(number); };
   if (source->num_points_dropped() > 0)
-    std::printf("%llu points were not finite and were left out\n",
-                count(source->num_points_dropped()));
+    std::fprintf(out, "%llu points were not finite and were left out\n",
+                 count(source->num_points_dropped()));
   if (!flags.kitti.color_images.empty())
-    std::printf("%llu points were coloured; %llu scans had no image\n",
-                count(source->num_points_colored()), count(source->num_scans_without_image()));
+    std::fprintf(out, "%llu points were coloured; %llu scans had no image\n",
+                 count(source->num_points_colored()), count(source->num_scans_without_image()));
   return absl::OkStatus();
 }
 

@@ -2,7 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
+#include "client/cli/fleet_report.h"
 #include "client/cli/json.h"
 
 namespace gem::client {
@@ -10,20 +10,6 @@ namespace {
 
 double MeanMs(const StageTiming& timing) {
   return timing.count == 0 ? 0 : timing.total_s / static_cast<double>(timing.count) * 1e3;
-}
-
-std::string MapJson(const MapInfo& map) {
-  const std::string sessions =
-      absl::StrJoin(map.sessions, ",", [](std::string* out, const std::string& session) {
-        absl::StrAppend(out, JsonText(session));
-      });
-  return absl::StrCat(
-      "{\"id\":", JsonText(map.id), ",\"cell_size_m\":", JsonNumber(map.cell_size_m),
-      ",\"submap_length_m\":", JsonNumber(map.submap_length_m),
-      ",\"traversable_only\":", JsonBool(map.traversable_only), ",\"epoch\":", map.version.epoch,
-      ",\"revision\":", map.version.revision, ",\"num_submaps\":", map.num_submaps,
-      ",\"num_points\":", map.num_points, ",\"submap_bytes\":", map.submap_bytes,
-      ",\"num_tiles\":", map.num_tiles, ",\"sessions\":[", sessions, "]}");
 }
 
 std::string SessionJson(const SessionStatus& session) {
@@ -50,13 +36,7 @@ std::string TimingJson(const StageTiming& timing) {
 std::string StatusTable(const ServerStatus& status, const std::vector<MapInfo>& maps) {
   std::string text = absl::StrFormat("gem_server %s, backend %s, up %.0f s\n\n",
                                      status.server_version, status.backend, status.uptime_s);
-  absl::StrAppendFormat(&text, "%-20s %7s %9s %8s %10s %9s %7s %12s\n", "map", "cell m", "submap m",
-                        "submaps", "points", "MiB", "tiles", "revision");
-  for (const MapInfo& map : maps)
-    absl::StrAppendFormat(&text, "%-20s %7.3g %9.4g %8d %10d %9.2f %7d %12d\n", map.id,
-                          map.cell_size_m, map.submap_length_m, map.num_submaps, map.num_points,
-                          static_cast<double>(map.submap_bytes) / (1 << 20), map.num_tiles,
-                          map.version.revision);
+  absl::StrAppend(&text, MapsTable(maps));
   absl::StrAppendFormat(&text, "\n%-20s %-16s %-25s %-9s %8s %8s %8s %10s\n", "map", "robot",
                         "session", "state", "fused", "refused", "dropped", "queue KiB");
   for (const SessionStatus& session : status.sessions)

@@ -24,6 +24,7 @@ void AddStreamFlags(CLI::App& command, StreamFlags& flags) {
   command.add_option("--session", flags.session,
                      "Id of the session; the id of an earlier one goes on where it stopped "
                      "(default: a new one)");
+  command.add_flag("--json", flags.json, "The summary, for programs");
   command.add_option("--rate", flags.rate, "Scans a second, or max")->capture_default_str();
   command.add_option("--correct_at", flags.correct_at,
                      "Send the corrected poses of all scans so far after scan N[,N...], after "

@@ -35,6 +35,7 @@ struct StreamFlags {
   std::optional<float> height_m_min, height_m_max;
   std::vector<float> body;  // empty or six
   bool traversable_only = false;
+  bool json = false;  // the summary
 };
 
 void AddStreamFlags(CLI::App& command, StreamFlags& flags);

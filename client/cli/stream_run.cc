@@ -9,6 +9,8 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "client/cli/fleet_report.h"
+#include "client/cli/json.h"
 #include "client/cli/progress_bar.h"
 #include "client/ingest_client.h"
 #include "client/map_client.h"
@@ -129,6 +131,34 @@ class StreamRun {
 
   absl::Status Summarise(const SessionClosed& closed) const {
     const double seconds = SecondsSince(begin_);
+    if (flags_.json) {
+      PrintJson(closed, seconds);
+    } else {
+      PrintText(closed, seconds);
+    }
+    if (closed.num_scans_refused == 0) return absl::OkStatus();
+    return absl::DataLossError(absl::StrCat("the server refused ", closed.num_scans_refused,
+                                            " scans; the first: ", problems_.first()));
+  }
+
+  void PrintJson(const SessionClosed& closed, double seconds) const {
+    const std::string json = absl::StrCat(
+        "{\"source\":", JsonText(source_.name()), ",\"map\":", JsonText(setup_.map),
+        ",\"robot\":", JsonText(setup_.robot), ",\"session\":", JsonText(setup_.session),
+        ",\"num_scans\":", num_sent_, ",\"num_points\":", num_points_,
+        ",\"seconds\":", JsonNumber(seconds),
+        ",\"resume_after_seq\":", ingest_->opened().resume_after_seq,
+        ",\"num_scans_fused\":", closed.num_scans_fused,
+        ",\"num_scans_refused\":", closed.num_scans_refused,
+        ",\"num_scans_dropped\":", ingest_->progress().num_dropped + closed.num_scans_dropped,
+        ",\"num_corrections\":", num_corrections_, ",\"num_moved_submaps\":", num_moved_submaps_,
+        ",\"num_touched_tiles\":", num_touched_tiles_,
+        ",\"correction_s_max\":", JsonNumber(correction_s_max_), ",", VersionJson(closed.version),
+        "}\n");
+    std::fputs(json.c_str(), stdout);
+  }
+
+  void PrintText(const SessionClosed& closed, double seconds) const {
     std::printf("%s: %llu scans, %llu points in %.2f s (%.1f scans/s)\n", source_.name().c_str(),
                 static_cast<unsigned long long>(num_sent_),
                 static_cast<unsigned long long>(num_points_), seconds,
@@ -152,9 +182,6 @@ class StreamRun {
       std::printf("dropped for newer ones: %llu scans before they were sent, %llu at the server\n",
                   static_cast<unsigned long long>(num_dropped_here),
                   static_cast<unsigned long long>(closed.num_scans_dropped));
-    if (closed.num_scans_refused == 0) return absl::OkStatus();
-    return absl::DataLossError(absl::StrCat("the server refused ", closed.num_scans_refused,
-                                            " scans; the first: ", problems_.first()));
   }
 
   static double SecondsSince(Clock::time_point begin) {

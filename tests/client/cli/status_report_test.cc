@@ -27,6 +27,7 @@ MapInfo Yard() {
   map.num_submaps = 2;
   map.submap_bytes = 3 << 20;
   map.sessions = {"a", "b"};
+  map.num_sessions = 2;
   return map;
 }
 
@@ -36,7 +37,8 @@ TEST(StatusReport, IsAnObjectForPrograms) {
       "{\"server_version\":\"0.1.0\",\"backend\":\"cpu\",\"uptime_s\":12.5,\"maps\":[{\"id\":"
       "\"yard\",\"cell_size_m\":0.25,\"submap_length_m\":20,\"traversable_only\":false,\"epoch\":3,"
       "\"revision\":17,\"num_submaps\":2,\"num_points\":0,\"submap_bytes\":3145728,\"num_tiles\":0,"
-      "\"sessions\":[\"a\",\"b\"]}],\"sessions\":[{\"map\":\"yard\",\"robot\":\"rover\","
+      "\"num_sessions\":2,\"sessions\":[\"a\",\"b\"]}],\"sessions\":[{\"map\":\"yard\",\"robot\":"
+      "\"rover\","
       "\"session\":\"mon\\\"day\",\"active\":true,\"connected\":true,\"num_scans_fused\":10,"
       "\"num_scans_refused\":1,\"num_scans_dropped\":3,\"queue_bytes\":2048,\"fused_seq\":11}],"
       "\"timings\":[{\"mapper\":\"local\",\"stage\":\"fuse\",\"count\":4,\"mean_ms\":2.5,\"max_"
@@ -48,8 +50,9 @@ TEST(StatusReport, IsAnObjectForPrograms) {
 TEST(StatusReport, IsATableForPeople) {
   const std::string table = StatusTable(Status(), {Yard()});
   EXPECT_THAT(table, HasSubstr("gem_server 0.1.0, backend cpu, up 12 s"));
-  EXPECT_THAT(table, HasSubstr("yard                    0.25        20        2          0      "
-                               "3.00       0           17"));
+  EXPECT_THAT(table,
+              HasSubstr("yard                    0.25        20        2        2          0      "
+                        "3.00       0           17"));
   EXPECT_THAT(table, HasSubstr("streaming       10        1        3        2.0"));
   EXPECT_THAT(table, HasSubstr("local    fuse            2.500      5.000          4"));
 }
