@@ -62,7 +62,8 @@ absl::Status ExportMap(const MapExportFlags& flags) {
 }  // namespace
 
 void AddExportCommand(CLI::App& app, std::function<absl::Status()>& run) {
-  CLI::App* command = app.add_subcommand("export", "Write the global map to a file");
+  CLI::App* command = app.add_subcommand(
+      "export", "Write a layer of the map to a file, for people and other programs");
   const auto flags = std::make_shared<MapExportFlags>();
   AddExportFlags(*command, GlobalMapLayers(), flags->file);
   command->add_option("--map", flags->map, "Map to export")->capture_default_str();

@@ -48,6 +48,34 @@ struct Session {
   bool ended = false;
 };
 
+/// Counts the tiles under rectangles of cells, and stops before the count costs more than it may.
+class TouchedTiles {
+ public:
+  explicit TouchedTiles(std::uint64_t tiles_max)
+      : tiles_max_(std::min(tiles_max, std::numeric_limits<std::uint64_t>::max() / kTouches_max)) {}
+
+  void Add(const CellRect& rect) {
+    num_touches_ += NumSquares(rect, kTileBits);
+    if (too_many()) return;
+    touched_.clear();
+    AppendSquares(rect, kTileBits, touched_);
+    tiles_.insert(touched_.begin(), touched_.end());
+  }
+  bool too_many() const {
+    return tiles_.size() > tiles_max_ || num_touches_ > tiles_max_ * kTouches_max;
+  }
+
+ private:
+  /// Of one tile on average. Groups have 256 cells: only what leans by more than any ground, or is
+  /// as many submaps on each other, touches more.
+  static constexpr std::uint64_t kTouches_max = 1024;
+
+  const std::uint64_t tiles_max_;
+  std::uint64_t num_touches_ = 0;
+  std::vector<TileIndex> touched_;
+  absl::flat_hash_set<TileIndex> tiles_;
+};
+
 // Of submaps with the same cells.
 bool SameSources(const Submap& a, const Submap& b) {
   if (a.sources().size() < 2) return true;
@@ -329,44 +357,28 @@ MapState GlobalMapper::State() const {
 }
 
 absl::Status GlobalMapper::Impl::CheckTiles(std::uint64_t tiles_max) const {
-  // A group of cells lies on a few tiles, unless it leans by more than any ground.
-  constexpr std::uint64_t kTouchesPerTile_max = 256;
-  const std::uint64_t touches_max =
-      tiles_max > std::numeric_limits<std::uint64_t>::max() / kTouchesPerTile_max
-          ? std::numeric_limits<std::uint64_t>::max()
-          : tiles_max * kTouchesPerTile_max;
-  std::uint64_t num_touches = 0;
-  std::vector<TileIndex> touched;
-  absl::flat_hash_set<TileIndex> tiles;
-  const auto touch = [&](const CellBox& box, const auto& pose) {
-    const CellRect rect = RectUnder(box, pose.matrix(), pose.translation(), options.cell_size_m);
-    num_touches += NumSquares(rect, kTileBits);
-    if (num_touches > touches_max) return false;
-    touched.clear();
-    AppendSquares(rect, kTileBits, touched);
-    tiles.insert(touched.begin(), touched.end());
-    return tiles.size() <= tiles_max;
-  };
-  bool fits = true;
+  TouchedTiles tiles(tiles_max);
   // Hidden ones too: they may come back.
-  const auto touch_submap = [&](const std::shared_ptr<const Submap>& submap) {
+  const auto touch = [&](const std::shared_ptr<const Submap>& submap) {
     if (submap == nullptr) return;
     const Pose<Global, Submap> pose = T_G_K(*submap);
     for (const Submap::Group& group : submap->groups())
-      fits = fits && touch(BoxOf(*submap, group), pose);
+      tiles.Add(
+          RectUnder(BoxOf(*submap, group), pose.matrix(), pose.translation(), options.cell_size_m));
   };
   for (const auto& [id, stored] : finished.all()) {
-    touch_submap(stored.seen);
-    touch_submap(stored.hidden);
+    touch(stored.seen);
+    touch(stored.hidden);
   }
   for (const Session& session : sessions) {
-    touch_submap(session.active);
+    touch(session.active);
     if (session.local_field == nullptr || session.local_field->empty()) continue;
     const LocalField& field = *session.local_field;
-    fits = fits && touch({field.rect(), field.elevation_m_min(), field.elevation_m_max()},
-                         session.trajectory.T_G_O(field.map().stamp_ns));
+    const Pose<Global, Odom> pose = session.trajectory.T_G_O(field.map().stamp_ns);
+    tiles.Add(RectUnder({field.rect(), field.elevation_m_min(), field.elevation_m_max()},
+                        pose.matrix(), pose.translation(), options.cell_size_m));
   }
-  if (fits) return absl::OkStatus();
+  if (!tiles.too_many()) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       absl::StrCat("the map lies on more tiles than ", tiles_max, ", want at most so many"));
 }

@@ -24,13 +24,13 @@ constexpr std::uint32_t kParts_max = 64;
 constexpr std::uint64_t kCellsOfSubmap_max =
     std::uint64_t{kSubmapSideCells_max} * static_cast<std::uint64_t>(kSubmapSideCells_max);
 constexpr std::uint8_t kAllStates = kCellKnown | kCellAnnotated | kCellColored;
-/// Of one local cell, all layers.
-constexpr std::uint64_t kLocalCellMemory = 33;
-/// Of a cell of a submap, beside the bytes that it takes while it is read.
-constexpr std::uint64_t kContributorMemory = sizeof(Contributor) + 64;
 
-// In a map: the poses twice, as they are copied into the mapper.
+// What the parts of a map take in memory.
+constexpr std::uint64_t kSessionMemory = sizeof(SessionState) + 512;
+/// Twice: poses are copied into the mapper.
 constexpr std::uint64_t kPoseMemory = 2 * sizeof(StampedPose<Odom, Base>);
+/// With ids that are too long to be within it.
+constexpr std::uint64_t kContributorMemory = sizeof(Contributor) + 2 * 64;
 
 template <typename A, typename B>
 void ReadPoses(ByteReader& from, std::uint64_t num_left, std::vector<StampedPose<A, B>>& poses) {
@@ -54,6 +54,53 @@ void ReadPoses(ByteReader& from, std::uint64_t num_left, std::vector<StampedPose
                       Eigen::Vector3d(numbers[4], numbers[5], numbers[6])}});
   }
 }
+
+/// What a section says of n cells.
+class CellColumns {
+ public:
+  CellColumns(std::size_t n, std::size_t num_sources, ByteReader& from)
+      : elevation_m_(
+            from.ColumnWithin<float>("elevation_m", n, -kElevation_m_max, kElevation_m_max)) {
+    for (std::size_t k = 0; k < 6; ++k) {
+      const bool diagonal = k == 0 || k == 3 || k == 5;
+      covariance_m2_[k] = from.ColumnWithin<float>(
+          "covariance_m2", n, diagonal ? 0 : -kVariance_m2_max, kVariance_m2_max);
+    }
+    rgba_ = from.Column<std::uint32_t>("rgba", n);
+    traversability_ = from.Column<std::uint8_t>("traversability", n);
+    stamp_ms_ = from.ColumnWithin<std::int64_t>("stamp_ms", n, 0, wire::kStamp_nsMax / kNsPerMs);
+    if (num_sources > 1)
+      source_ = from.ColumnWithin<std::uint16_t>("source", n, 0,
+                                                 static_cast<std::uint16_t>(num_sources - 1));
+    for (std::size_t i = 0; i < rgba_.size(); ++i)
+      if (const std::uint8_t state = StateOf(i);
+          (state & kCellKnown) == 0 || (state & ~kAllStates) != 0)
+        from.Refuse(absl::StrCat("state[", i, "]"), absl::StrCat(+state),
+                    "a known cell's, 1, 3, 5 or 7");
+  }
+
+  SubmapCell At(std::size_t i) const {
+    SubmapCell cell;
+    cell.elevation_m = elevation_m_[i];
+    for (std::size_t k = 0; k < 6; ++k) cell.covariance_m2[k] = covariance_m2_[k][i];
+    cell.traversability = static_cast<float>(traversability_[i]) / 255.0f;
+    cell.rgba = (rgba_[i] & 0xffffffu) | 0xff000000u;
+    cell.stamp_ns = stamp_ms_[i] * kNsPerMs;
+    cell.state = StateOf(i);
+    return cell;
+  }
+  SourceIndex source(std::size_t i) const { return source_.empty() ? SourceIndex{0} : source_[i]; }
+
+ private:
+  std::uint8_t StateOf(std::size_t i) const { return static_cast<std::uint8_t>(rgba_[i] >> 24); }
+
+  std::vector<float> elevation_m_;
+  std::array<std::vector<float>, 6> covariance_m2_;
+  std::vector<std::uint32_t> rgba_;
+  std::vector<std::uint8_t> traversability_;
+  std::vector<std::int64_t> stamp_ms_;
+  std::vector<std::uint16_t> source_;  ///< empty: all have the only one
+};
 
 }  // namespace
 
@@ -172,7 +219,7 @@ void Assembly::TakeSession(ByteReader& from) {
   local_map_left_ = (flags & kSessionHasLocalMap) != 0;
   if (from.ok() && !ids_.insert(session.session).second)
     from.Refuse("session", session.session, "an id that is not taken");
-  if (!Spend(sizeof(SessionState) + 512, from)) return;
+  if (!Spend(kSessionMemory, from)) return;
   state_.sessions.push_back(std::move(session));
 }
 
@@ -268,19 +315,13 @@ void Assembly::TakeSources(ByteReader& from) {
       "count", 1, static_cast<std::uint32_t>(piece_->num_sources - piece_->sources.size()));
   for (std::uint32_t i = 0; from.ok() && i < n; ++i) {
     const auto size = from.Within<std::uint32_t>("set.count", 1, num_sessions_);
-    const std::vector<std::uint32_t> sessions = [&] {
-      std::vector<std::uint32_t> numbers;
-      for (std::uint32_t k = 0; from.ok() && k < size; ++k)
-        numbers.push_back(from.Within<std::uint32_t>("set.session", 0, num_sessions_ - 1));
-      return numbers;
-    }();
-    if (!Spend(sizeof(ContributorSet) + sessions.size() * kContributorMemory, from)) return;
+    if (!Spend(sizeof(ContributorSet) + size * kContributorMemory, from)) return;
     ContributorSet set;
-    for (const std::uint32_t session : sessions) {
+    for (std::uint32_t k = 0; k < size; ++k) {
       // A growing submap comes before later sessions, and has its own session only.
-      if (session >= state_.sessions.size())
-        return from.Refuse("set.session", absl::StrCat(session),
-                           absl::StrCat("less than ", state_.sessions.size()));
+      const auto session = from.Within<std::uint32_t>(
+          "set.session", 0, static_cast<std::uint32_t>(state_.sessions.size() - 1));
+      if (!from.ok()) return;
       set.push_back({state_.sessions[session].session, state_.sessions[session].robot});
     }
     if (!std::is_sorted(set.begin(), set.end()) ||
@@ -291,15 +332,29 @@ void Assembly::TakeSources(ByteReader& from) {
 }
 
 void Assembly::TakeCells(ByteReader& from) {
+  const std::vector<CellIndex> cells = TakeGroups(from);
+  if (!from.ok()) return;
+  const std::size_t n = cells.size();
+  if (n > piece_->num_cells - piece_->cells.size())
+    return from.Refuse("cells", absl::StrCat(piece_->cells.size() + n),
+                       absl::StrCat("num_cells, ", piece_->num_cells));
+  CellColumns columns(n, piece_->num_sources, from);
+  if (!Spend(n * sizeof(KeyedSubmapCell), from)) return;
+  piece_->cell_bytes += n * sizeof(KeyedSubmapCell);
+  for (std::size_t i = 0; i < n; ++i)
+    piece_->cells.push_back({cells[i], columns.At(i), columns.source(i)});
+  if (piece_->cells.size() == piece_->num_cells) FinishPiece(from);
+}
+
+std::vector<CellIndex> Assembly::TakeGroups(ByteReader& from) {
   const auto num_groups = from.Within<std::uint32_t>("num_groups", 1, kRawBytes_max / kGroupBytes);
   const auto x = from.ColumnWithin<std::int32_t>("group.x", num_groups, -kCell_max, kCell_max);
   const auto y = from.ColumnWithin<std::int32_t>("group.y", num_groups, -kCell_max, kCell_max);
   std::array<std::vector<std::uint64_t>, 4> occupied;
   for (auto& word : occupied) word = from.Column<std::uint64_t>("group.occupied", num_groups);
-  if (!from.ok()) return;
   std::vector<CellIndex> cells;
-  for (std::size_t g = 0; g < num_groups; ++g) {
-    if (!TakeGroup({x[g], y[g]}, from)) return;
+  for (std::size_t g = 0; from.ok() && g < num_groups; ++g) {
+    if (!TakeGroup({x[g], y[g]}, from)) break;
     const std::size_t before = cells.size();
     for (std::size_t w = 0; w < 4; ++w)
       for (std::uint64_t word = occupied[w][g]; word != 0; word &= word - 1) {
@@ -307,45 +362,9 @@ void Assembly::TakeCells(ByteReader& from) {
         cells.push_back({x[g] + (bit & (kGroupCells - 1)), y[g] + (bit >> kGroupBits)});
       }
     if (cells.size() == before)
-      return from.Refuse(absl::StrCat("group.occupied[", g, "]"), "zero", "a cell at least");
+      from.Refuse(absl::StrCat("group.occupied[", g, "]"), "zero", "a cell at least");
   }
-  const std::size_t n = cells.size();
-  if (n > piece_->num_cells - piece_->cells.size())
-    return from.Refuse("cells", absl::StrCat(piece_->cells.size() + n),
-                       absl::StrCat("num_cells, ", piece_->num_cells));
-  const auto elevation_m =
-      from.ColumnWithin<float>("elevation_m", n, -kElevation_m_max, kElevation_m_max);
-  std::array<std::vector<float>, 6> covariance_m2;
-  for (std::size_t k = 0; k < 6; ++k) {
-    const bool diagonal = k == 0 || k == 3 || k == 5;
-    covariance_m2[k] = from.ColumnWithin<float>("covariance_m2", n,
-                                                diagonal ? 0 : -kVariance_m2_max, kVariance_m2_max);
-  }
-  const auto rgba = from.Column<std::uint32_t>("rgba", n);
-  const auto traversability = from.Column<std::uint8_t>("traversability", n);
-  const auto stamp_ms =
-      from.ColumnWithin<std::int64_t>("stamp_ms", n, 0, wire::kStamp_nsMax / kNsPerMs);
-  std::vector<std::uint16_t> source(n, 0);
-  if (piece_->num_sources > 1)
-    source = from.ColumnWithin<std::uint16_t>("source", n, 0,
-                                              static_cast<std::uint16_t>(piece_->num_sources - 1));
-  if (!Spend(n * sizeof(KeyedSubmapCell), from)) return;
-  piece_->cell_bytes += n * sizeof(KeyedSubmapCell);
-  for (std::size_t i = 0; i < n; ++i) {
-    KeyedSubmapCell keyed{cells[i], {}, source[i]};
-    const auto state = static_cast<std::uint8_t>(rgba[i] >> 24);
-    if ((state & kCellKnown) == 0 || (state & ~kAllStates) != 0)
-      return from.Refuse(absl::StrCat("state[", i, "]"), absl::StrCat(+state),
-                         "a known cell's, 1, 3, 5 or 7");
-    keyed.value.elevation_m = elevation_m[i];
-    for (std::size_t k = 0; k < 6; ++k) keyed.value.covariance_m2[k] = covariance_m2[k][i];
-    keyed.value.traversability = static_cast<float>(traversability[i]) / 255.0f;
-    keyed.value.rgba = (rgba[i] & 0xffffffu) | 0xff000000u;
-    keyed.value.stamp_ns = stamp_ms[i] * kNsPerMs;
-    keyed.value.state = state;
-    piece_->cells.push_back(keyed);
-  }
-  if (piece_->cells.size() == piece_->num_cells) FinishPiece(from);
+  return cells;
 }
 
 // Groups come by row, then column: none twice. All lie near each other.
@@ -417,7 +436,7 @@ void Assembly::TakeLocalMap(ByteReader& from) {
     from.Refuse("traversability_free", absl::StrCat(map->traversability_free), "0 to 1");
   map->cell_size_m = state_.options.cell_size_m;
   const auto side = static_cast<std::uint64_t>(map->side_cells);
-  if (!Spend(sizeof(LocalMap) + side * side * kLocalCellMemory, from)) return;
+  if (!Spend(sizeof(LocalMap) + side * side * kLocalCellBytes, from)) return;
   local_map_left_ = false;
   local_map_ = std::move(map);
   local_rows_ = 0;

@@ -60,6 +60,8 @@ class Assembly {
   void TakeParts(ByteReader& from);
   void TakeSources(ByteReader& from);
   void TakeCells(ByteReader& from);
+  /// The cells of a section, in their order.
+  std::vector<CellIndex> TakeGroups(ByteReader& from);
   bool TakeGroup(CellIndex group, ByteReader& from);
   void TakeLocalMap(ByteReader& from);
   void TakeLocalCells(ByteReader& from);
