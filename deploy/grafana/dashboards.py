@@ -149,7 +149,8 @@ def overview():
                 ("median", quantile(0.5, "gem_correction_seconds", window="5m")),
                 ("99 %", quantile(0.99, "gem_correction_seconds", window="5m")), limit=0.1)
     yield row("Saturation")
-    yield graph("Queues", "Bytes that wait for sessions; each is bounded by queue_bytes_max.", "bytes",
+    yield graph("Queues",
+                "Bytes that wait for sessions; each is bounded by queue_bytes_max, all together by ingest_bytes_max.", "bytes",
                 ("waiting", total(of("gem_queue_bytes"))))
     yield graph("Oldest scan", "Age of the oldest scan that waits or is in hand.", "s",
                 ("age", "max(%s)" % of("gem_queue_oldest_seconds")), limit=1)
