@@ -2,8 +2,8 @@
 
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <fstream>
+#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -13,7 +13,7 @@ namespace {
 
 absl::Status FileError(const std::string& path, const char* what) {
   return absl::InvalidArgumentError(
-      absl::StrCat(path, ": cannot be ", what, ": ", std::strerror(errno)));
+      absl::StrCat(path, ": cannot be ", what, ": ", std::generic_category().message(errno)));
 }
 
 }  // namespace
