@@ -363,6 +363,10 @@ std::vector<CellIndex> Assembly::TakeGroups(ByteReader& from) {
       }
     if (cells.size() == before)
       from.Refuse(absl::StrCat("group.occupied[", g, "]"), "zero", "a cell at least");
+    // A bit is cheap; what it claims to be there is not.
+    if (const std::size_t cells_max = from.remaining() / kCellBytes_min; cells.size() > cells_max)
+      from.Refuse(absl::StrCat("group.occupied[", g, "]"), absl::StrCat("cell ", cells.size()),
+                  absl::StrCat("the ", cells_max, " that are there"));
   }
   return cells;
 }

@@ -62,6 +62,7 @@ inline constexpr std::size_t kPoseBytes = 64;
 /// Bytes that a group of cells and a cell take in CELLS, with a source.
 inline constexpr std::size_t kGroupBytes = 40;
 inline constexpr std::size_t kCellBytes = 43;
+inline constexpr std::size_t kCellBytes_min = 41;  ///< without a source
 /// Bytes that a cell takes in LOCAL_CELLS.
 inline constexpr std::size_t kLocalCellBytes = 33;
 

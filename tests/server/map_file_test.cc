@@ -276,6 +276,38 @@ TEST(MapFile, AllocatesNothingForWhatIsOnlyClaimed) {
       testing::HasSubstr("(ODOMETRY): stamp_ns is cut off after 0 bytes, want 60000 times 8"));
 }
 
+// Bits of a megabyte, which compress to nothing, would be millions of cells.
+TEST(MapFile, ExpandsNoCellsThatAreNotThere) {
+  ByteWriter submap;
+  submap.Number(std::uint64_t{1});
+  submap.Number(std::uint8_t{1});
+  submap.Number(std::uint32_t{0});
+  submap.Number(std::int64_t{1});
+  submap.Transform(Pose<Odom, Submap>());
+  submap.Number(std::uint8_t{0});
+  submap.Number(std::uint32_t{1});
+  for (const double number : {0.0, 0.0, 0.0, 0.0, 1.0}) submap.Number(number);
+  submap.Number(std::int64_t{1});
+  submap.Number(std::uint32_t{1});
+  submap.Number(std::uint64_t{1} << 28);
+  ByteWriter sources;
+  for (const std::uint32_t number : {1u, 1u, 0u}) sources.Number(number);
+  ByteWriter cells;
+  cells.Number(std::uint32_t{20'000});
+  cells.Column(20'000, [](std::size_t i) { return 16 * static_cast<std::int32_t>(i % 1000); });
+  cells.Column(20'000, [](std::size_t i) { return 16 * static_cast<std::int32_t>(i / 1000); });
+  for (int word = 0; word < 4; ++word)
+    cells.Column(20'000, [](std::size_t) { return ~std::uint64_t{0}; });
+  const absl::Status status = Read(Forged({{SectionType::kMap, MapSection(0.2f, 1, 1)},
+                                           {SectionType::kSession, SessionSection(0, 0)},
+                                           {SectionType::kSubmap, submap.bytes()},
+                                           {SectionType::kSources, sources.bytes()},
+                                           {SectionType::kCells, cells.bytes()}}))
+                                  .status();
+  EXPECT_THAT(std::string(status.message()),
+              testing::HasSubstr("group.occupied[0] is cell 256, want the 0 that are there"));
+}
+
 TEST(MapFile, LargerThanTheLimitsIsRefused) {
   const std::string file = FileOf(*SomeMap());
   Limits limits;
