@@ -1,6 +1,7 @@
 // TileService and MapService: what readers get, paging, refusals.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
@@ -23,6 +24,22 @@ class Reading : public testing::Test {
       EXPECT_TRUE(robot.Send(FlatScan(seq, 0.5 * static_cast<double>(seq - 1))));
     EXPECT_TRUE(robot.SendClose());
     EXPECT_TRUE(robot.ReadUntilClosed());
+    WaitUntilEnded("Ingest");
+  }
+
+  /// The server is done with a call a little later than its client.
+  void WaitUntilEnded(const std::string& method) {
+    constexpr int kLooksMax = 10'000;
+    for (int look = 0; look < kLooksMax; ++look) {
+      v1::GetServerStatusResponse response;
+      ASSERT_TRUE(Get(server_.maps(), &v1::MapService::Stub::GetServerStatus,
+                      v1::GetServerStatusRequest(), response)
+                      .ok());
+      const auto call = std::find_if(response.calls().begin(), response.calls().end(),
+                                     [&](const auto& c) { return c.method() == method; });
+      if (call == response.calls().end() || call->num_active() == 0) return;
+    }
+    FAIL() << method << " never ends";
   }
 
   template <typename Response, typename Stub, typename Request>
