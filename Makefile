@@ -68,7 +68,7 @@ fuzz: build/asan-ubsan/build.ninja
 	deploy/fuzz.sh build/asan-ubsan
 
 # What has threads of its own (those of emulated kernels too) and no gRPC: stock gRPC is not instrumented, and what it runs would be reported falsely.
-TSAN_TESTS = base_test client_watch_test global_test server_core_test emulation_test
+TSAN_TESTS = base_test client_watch_test global_test local_threads_test server_core_test emulation_test
 
 test-tsan: build/tsan/build.ninja
 	cmake --build build/tsan -j $(JOBS) --target $(TSAN_TESTS)

@@ -68,6 +68,7 @@ bool SessionMapper::Knows(std::int64_t stamp_ns) const {
 }
 
 absl::Status SessionMapper::Take(const v1::Scan& proto, HeldScan& held) {
+  mapper_->Expect();
   held.scan = std::move(spare_);
   const FieldPath field("scan");
   GEM_RETURN_IF_ERROR(wire::FromProto(proto, config_.scan_limits, field, held.scan));

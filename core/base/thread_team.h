@@ -19,6 +19,10 @@ class ThreadTeam {
 
   int size() const { return static_cast<int>(threads_.size()) + 1; }
 
+  /// Work is to come within a tenth of a millisecond: those who sleep wake up meanwhile. For the
+  /// caller of Run().
+  void Wake();
+
   /// Calls work(i) for i in [0, size()), each on a thread of its own, and returns when all are
   /// done. Allocates nothing. One caller at a time; work must not throw or call Run().
   template <typename Work>

@@ -1,7 +1,6 @@
 #include "core/local/cpu_mapper.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 
 #include "core/base/stopwatch.h"
@@ -26,19 +25,17 @@ using cpu::HitLanes;
 using cpu::Layers;
 using cpu::MeasuredPart;
 
-// Points that a thread measures before it looks for more.
-constexpr std::size_t kRun = 8192;
-
-// What one thread of the team works with.
-struct Desk {
+// What one thread of the team works with. A cache line of its own, as all write theirs at once.
+struct alignas(64) Desk {
   explicit Desk(const RingWindow& window)
       : sorted(window.num_cells()), planes(window.side_cells()), candidates(window.num_cells()) {
     cleared.reserve(window.num_cells());
   }
 
-  // A band of rows is this desk's: the same thread sorts, fuses, annotates and clears there, so
-  // that its cells stay in its cache.
+  // A band of rows is this desk's: the same thread annotates and clears there, so that its cells
+  // stay in its cache. Where it sorts and fuses, about as many hits lie as elsewhere.
   Piece rows{0, 0};
+  Piece fuse_rows{0, 0};
   HitLanes sorted;
   std::vector<Hit> hits;  // of one cell
   cpu::PlaneRows planes;
@@ -56,14 +53,20 @@ class CpuMapper final : public LocalMapper {
         team_(threads),
         window_(SideCells(options)),
         layers_(window_.num_cells()),
+        rays_(RayBinsOf(window_.side_cells(), options.cell_size_m)),
+        runs_(static_cast<std::size_t>(threads)),
+        next_fuse_rows_(static_cast<std::size_t>(threads)),
         changed_(window_.num_cells()) {
-    const RayBins bins = RayBinsOf(window_.side_cells(), options.cell_size_m);
     for (int i = 0; i < threads; ++i) {
-      parts_.emplace_back(window_.num_cells(), bins);
+      sectors_.push_back(SectorOf(i));
+      parts_.emplace_back(window_.num_cells(), sectors_.back());
       desks_.emplace_back(window_);
       desks_.back().rows = PieceOf(static_cast<std::size_t>(window_.side_cells()), i, threads);
+      desks_.back().fuse_rows = desks_.back().rows;
     }
   }
+
+  void Expect() override { team_.Wake(); }
 
   ScanReport FuseScan(const Scan& scan, std::vector<EvictedCell>& evicted) override {
     ScanReport report;
@@ -91,6 +94,12 @@ class CpuMapper final : public LocalMapper {
   }
 
  private:
+  // Of two threads, the one that has the lower rows of the window has the rays that go there.
+  AzimuthSector SectorOf(int thread) const {
+    const Piece bins = PieceOf(static_cast<std::size_t>(rays_.bins().azimuth),
+                               team_.size() - 1 - thread, team_.size());
+    return {static_cast<std::int32_t>(bins.begin), static_cast<std::int32_t>(bins.end)};
+  }
   void EvictColumns(std::int32_t row, std::int32_t begin, std::int32_t end,
                     std::vector<EvictedCell>& evicted);
   void Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanReport& report);
@@ -102,8 +111,10 @@ class CpuMapper final : public LocalMapper {
             stamp_ns_, layers_, changed_};
   }
   void Fuse(ScanReport& report);
+  void BalanceFuseRows();
   void AnnotateAroundChanged();
   void FindCleared();
+  void ClearCell(Place place, ScanReport& report);
   void Clear(ScanReport& report);
 
   // Constant after construction.
@@ -123,9 +134,13 @@ class CpuMapper final : public LocalMapper {
 
   // Of the scan in hand; members only so that their memory is kept.
   ScanFrame frame_{};
+  std::vector<AzimuthSector> sectors_;  // by thread
+  RayTable rays_;
+  cpu::PointRuns runs_;
   std::vector<MeasuredPart> parts_;  // one of each thread
   std::vector<Desk> desks_;          // one of each thread
-  std::vector<cpu::HitRun> runs_;    // by run of points
+  std::vector<Piece> next_fuse_rows_;
+  std::vector<cpu::HitRun> hit_runs_;
   // By window index, 0 or 1: a point of this scan is in the cell; later, what clearing changed.
   std::vector<std::uint8_t> changed_;
 };
@@ -190,7 +205,7 @@ void CpuMapper::GrowVariances(const Scan& scan) {
 
 // The range bin beyond which no cell of the window lies, seen from the sensor.
 std::int32_t CpuMapper::RangeBinLimit() const {
-  const RayBins& bins = parts_.front().rays.bins();
+  const RayBins& bins = rays_.bins();
   const float span_m = static_cast<float>(window_.side_cells()) * options_.cell_size_m;
   const float far_x_m =
       std::max(std::fabs(frame_.sensor_x_m), std::fabs(span_m - frame_.sensor_x_m));
@@ -202,22 +217,14 @@ std::int32_t CpuMapper::RangeBinLimit() const {
 }
 
 void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
-  const std::int32_t range_bin_limit = RangeBinLimit();
-  // Threads take runs of points as they come free: the team is still waking up when the first
-  // starts. What is made of the runs does not depend on who measured them.
-  const std::size_t num_runs = team_.size() == 1 ? 1 : (points.size() + kRun - 1) / kRun;
-  runs_.resize(num_runs);
-  std::atomic<std::size_t> next_run{0};
+  rays_.SetLimit(RangeBinLimit());
+  runs_.Plan(set_, frame_, points, rays_.bins(), sectors_);
+  hit_runs_.resize(runs_.runs().size());
+  const cpu::PointPass pass{set_, frame_, points, runs_, hit_runs_, rays_};
+  // What is made of the runs does not depend on who measured them.
   team_.Run([&](int i) {
-    MeasuredPart& part = parts_[static_cast<std::size_t>(i)];
-    cpu::BeginPart(points.size(), range_bin_limit, part);
-    for (std::size_t run = next_run++; run < num_runs; run = next_run++) {
-      const std::size_t begin = run * kRun;
-      const auto of_run = num_runs == 1
-                              ? points
-                              : points.subspan(begin).first(std::min(kRun, points.size() - begin));
-      runs_[run] = cpu::MeasurePoints(set_, frame_, of_run, range_bin_limit, part);
-    }
+    const auto thread = static_cast<std::size_t>(i);
+    cpu::MeasureRuns(pass, thread, parts_[thread]);
   });
   report.points = points.size();
   for (const MeasuredPart& part : parts_) {
@@ -234,9 +241,9 @@ void CpuMapper::Fuse(ScanReport& report) {
   const auto side = static_cast<std::size_t>(window_.side_cells());
   team_.Run([&](int i) {
     Desk& desk = desks_[static_cast<std::size_t>(i)];
-    const Piece cells{desk.rows.begin * side, desk.rows.end * side};
+    const Piece cells{desk.fuse_rows.begin * side, desk.fuse_rows.end * side};
     std::fill(changed_.data() + cells.begin, changed_.data() + cells.end, std::uint8_t{0});
-    desk.sorted.Sort(parts_, runs_, static_cast<std::uint32_t>(cells.begin),
+    desk.sorted.Sort(parts_, hit_runs_, static_cast<std::uint32_t>(cells.begin),
                      static_cast<std::uint32_t>(cells.end));
     desk.report = ScanReport();
     cpu::FuseCells(target, desk.sorted, desk.hits, desk.report);
@@ -247,6 +254,38 @@ void CpuMapper::Fuse(ScanReport& report) {
     report.cells_restarted += desk.report.cells_restarted;
     report.cells_inflated += desk.report.cells_inflated;
   }
+  BalanceFuseRows();
+}
+
+// The next scan's hits lie about as this one's.
+void CpuMapper::BalanceFuseRows() {
+  const auto side = static_cast<double>(window_.side_cells());
+  const auto work_of = [&](const Desk& desk) {
+    const double hits = static_cast<double>(desk.report.points_fused + desk.report.points_gated);
+    return hits + side * static_cast<double>(desk.fuse_rows.end - desk.fuse_rows.begin);
+  };
+  double work = 0;
+  for (const Desk& desk : desks_) work += work_of(desk);
+  const double share = work / static_cast<double>(desks_.size());
+  // Walks up the old bands, in which work is taken to be spread evenly, and ends a new one after
+  // each share.
+  double done = 0;
+  std::size_t next = 0, begin = 0;
+  for (const Desk& desk : desks_) {
+    const Piece rows = desk.fuse_rows;
+    const double here = work_of(desk);
+    for (; next + 1 < desks_.size() && done + here >= share * static_cast<double>(next + 1);
+         ++next) {
+      const double part = (share * static_cast<double>(next + 1) - done) / std::max(here, 1.0);
+      const double end =
+          static_cast<double>(rows.begin) + part * static_cast<double>(rows.end - rows.begin);
+      next_fuse_rows_[next] = {begin, static_cast<std::size_t>(end)};
+      begin = next_fuse_rows_[next].end;
+    }
+    done += here;
+  }
+  next_fuse_rows_.back() = {begin, static_cast<std::size_t>(window_.side_cells())};
+  for (std::size_t i = 0; i < desks_.size(); ++i) desks_[i].fuse_rows = next_fuse_rows_[i];
 }
 
 void CpuMapper::AnnotateAroundChanged() {
@@ -260,14 +299,10 @@ void CpuMapper::AnnotateAroundChanged() {
 
 // Leaves the cells to be cleared on the desks.
 void CpuMapper::FindCleared() {
-  RayTable& rays = parts_.front().rays;
-  const auto num_bins = static_cast<std::size_t>(rays.bins().azimuth);
   team_.Run([&](int i) {
-    const Piece bins = PieceOf(num_bins, i, team_.size());
-    const auto begin = static_cast<std::int32_t>(bins.begin);
-    const auto end = static_cast<std::int32_t>(bins.end);
-    for (std::size_t k = 1; k < parts_.size(); ++k) rays.Merge(set_, parts_[k].rays, begin, end);
-    rays.Complete(set_, begin, end);
+    const auto thread = static_cast<std::size_t>(i);
+    cpu::AddStrays(parts_, thread, rays_);
+    rays_.Complete(set_, sectors_[thread]);
     Desk& desk = desks_[static_cast<std::size_t>(i)];
     cpu::FindCandidates(set_, window_, layers_, options_.traversability_free, changed_,
                         static_cast<std::int32_t>(desk.rows.begin),
@@ -276,8 +311,23 @@ void CpuMapper::FindCleared() {
   team_.Run([&](int i) {
     Desk& desk = desks_[static_cast<std::size_t>(i)];
     desk.cleared.clear();
-    cpu::FindPassedBelow(set_, rays, frame_, options_, desk.candidates, desk.cleared);
+    cpu::FindPassedBelow(set_, rays_, frame_, options_, desk.candidates, desk.cleared);
   });
+}
+
+// The cell begins anew from what points of this scan it has.
+void CpuMapper::ClearCell(Place place, ScanReport& report) {
+  const std::uint32_t index = window_.IndexOf(place);
+  layers_.Forget(window_.SlotOf(place));
+  changed_[index] = 1;
+  for (Desk& desk : desks_) {
+    const std::uint32_t rank = desk.sorted.RankOf(index);
+    if (rank == 0) continue;
+    // The cell was not confirmed, so all its points were counted as gated.
+    const FuseOutcome outcome = cpu::FuseRank(Target(), desk.sorted, rank - 1, desk.hits);
+    report.points_fused += outcome.fused;
+    report.points_gated -= outcome.fused;
+  }
 }
 
 void CpuMapper::Clear(ScanReport& report) {
@@ -285,19 +335,8 @@ void CpuMapper::Clear(ScanReport& report) {
   for (const Desk& desk : desks_) report.cells_cleared += desk.cleared.size();
   if (report.cells_cleared > 0) {
     std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
-    for (Desk& desk : desks_) {
-      for (const Place place : desk.cleared) {
-        const std::uint32_t index = window_.IndexOf(place);
-        layers_.Forget(window_.SlotOf(place));
-        changed_[index] = 1;
-        const std::uint32_t rank = desk.sorted.RankOf(index);
-        if (rank == 0) continue;
-        // The cell was not confirmed, so all its points were counted as gated.
-        const FuseOutcome outcome = cpu::FuseRank(Target(), desk.sorted, rank - 1, desk.hits);
-        report.points_fused += outcome.fused;
-        report.points_gated -= outcome.fused;
-      }
-    }
+    for (const Desk& desk : desks_)
+      for (const Place place : desk.cleared) ClearCell(place, report);
     AnnotateAroundChanged();
   }
   for (Desk& desk : desks_) desk.sorted.Clear();

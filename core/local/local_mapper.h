@@ -47,6 +47,10 @@ class LocalMapper {
  public:
   virtual ~LocalMapper() = default;
 
+  /// A scan is being decoded: threads of the mapper that sleep wake up meanwhile. It changes
+  /// nothing but the time of the next FuseScan().
+  virtual void Expect() {}
+
   /// Moves the window over the base, appends the cells that left it to `evicted`, then measures,
   /// fuses, annotates and clears. The scan is valid: finite points and poses, |position| <=
   /// kCoordinateMax_m, stamps that increase. Does not allocate once buffers have grown to the

@@ -9,21 +9,11 @@ void LowerAll(float* __restrict slopes, const float* __restrict by, std::size_t 
 
 }  // namespace
 
-void RayTable::Merge(VectorSet set, const RayTable& other, std::int32_t begin, std::int32_t end) {
-  GEM_CHECK(other.limit_ == limit_ && other.slopes_.size() == slopes_.size());
-  RunVectorised(set, [&] {
-    for (std::int32_t range_bin = 0; range_bin <= limit_; ++range_bin) {
-      const std::size_t at = IndexAt(range_bin, begin);
-      LowerAll(&slopes_[at], &other.slopes_[at], static_cast<std::size_t>(end - begin));
-    }
-  });
-}
-
-void RayTable::Complete(VectorSet set, std::int32_t begin, std::int32_t end) {
+void RayTable::Complete(VectorSet set, const AzimuthSector& sector) {
   RunVectorised(set, [&] {
     for (std::int32_t range_bin = limit_ - 1; range_bin >= 0; --range_bin) {
-      LowerAll(&slopes_[IndexAt(range_bin, begin)], &slopes_[IndexAt(range_bin + 1, begin)],
-               static_cast<std::size_t>(end - begin));
+      LowerAll(&slopes_[IndexAt(range_bin, sector.begin)],
+               &slopes_[IndexAt(range_bin + 1, sector.begin)], sector.size());
     }
   });
 }

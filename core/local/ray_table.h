@@ -27,6 +27,18 @@ inline RayPlace RayPlaceOf(const Ray& ray, const RayBins& bins, std::int32_t ran
   return {range_bin * bins.azimuth + ray.azimuth_bin, range_bin > 0 ? ray.slope : kNoRay};
 }
 
+/// Azimuth bins [begin, end).
+struct AzimuthSector {
+  std::int32_t begin = 0, end = 0;
+
+  std::size_t size() const { return static_cast<std::size_t>(end - begin); }
+  bool Holds(std::int32_t azimuth_bin) const {
+    return static_cast<std::uint32_t>(azimuth_bin - begin) <
+           static_cast<std::uint32_t>(end - begin);
+  }
+};
+inline AzimuthSector FullTurn(const RayBins& bins) { return {0, bins.azimuth}; }
+
 class RayTable {
  public:
   explicit RayTable(const RayBins& bins)
@@ -35,12 +47,20 @@ class RayTable {
 
   const RayBins& bins() const { return bins_; }
 
-  /// Forgets all rays. Cells whose range_bin_min is above the limit will not be asked for, so rays
+  /// Begins a scan. Cells whose range_bin_min is above the limit will not be asked for, so rays
   /// that end later are kept as if they ended there. 1 <= limit < bins().range.
-  void Reset(std::int32_t range_bin_limit) {
+  void SetLimit(std::int32_t range_bin_limit) {
     GEM_CHECK(range_bin_limit >= 1 && range_bin_limit < bins_.range);
     limit_ = range_bin_limit;
-    std::fill_n(slopes_.begin(), IndexAt(limit_ + 1, 0), kNoRay);
+  }
+  std::int32_t limit() const { return limit_; }
+
+  // Threads may work on sectors that do not overlap at once.
+
+  /// Forgets the rays in the sector; after SetLimit(), before the first Add().
+  void Reset(const AzimuthSector& sector) {
+    for (std::int32_t range_bin = 0; range_bin <= limit_; ++range_bin)
+      std::fill_n(&slopes_[IndexAt(range_bin, sector.begin)], sector.size(), kNoRay);
   }
 
   /// Rays at places that RayPlaceOf() gave for bins() and the limit. Inline, as it belongs into the
@@ -57,14 +77,9 @@ class RayTable {
     Add(&place.index, &place.slope, 1);
   }
 
-  /// Adds the rays of another table of the same bins and limit, in azimuth bins [begin, end).
-  /// Neither is complete.
-  void Merge(VectorSet set, const RayTable& other, std::int32_t begin, std::int32_t end);
-
-  /// To be called once for each azimuth bin, after the last Add: from here on a range bin holds the
-  /// rays that end in it or later, and bin 0 all rays.
-  void Complete(VectorSet set, std::int32_t begin, std::int32_t end);
-  void Complete(VectorSet set) { Complete(set, 0, bins_.azimuth); }
+  /// To be called once for each sector, after its last Add: from here on a range bin holds the rays
+  /// that end in it or later, and bin 0 all rays.
+  void Complete(VectorSet set, const AzimuthSector& sector);
 
   /// Whether in every azimuth bin of the cell that holds rays one crosses the cell and passes below
   /// height_m. A bin without any ray, finer than the sensor's columns, says nothing.

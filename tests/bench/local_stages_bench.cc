@@ -3,6 +3,7 @@
 // one. Second argument: 0 is a window of 8x8 m at 0.2 m, 1 one of 16x16 m at 0.1 m.
 #include <benchmark/benchmark.h>
 
+#include <array>
 #include <cstdlib>
 #include <fstream>
 #include <random>
@@ -58,22 +59,25 @@ struct Stand {
         limits(FuseLimitsOf(options)),
         window(SideCells(options)),
         layers(window.num_cells()),
-        part(window.num_cells(), RayBinsOf(window.side_cells(), options.cell_size_m)) {
+        bins(RayBinsOf(window.side_cells(), options.cell_size_m)),
+        rays(bins),
+        sectors{FullTurn(bins)},
+        part(window.num_cells(), sectors[0]) {
     scan.T_B_S = Pose<Base, Sensor>::FromTranslation(0, 0, 1.73);
     scan.noise = testing::LidarNoiseModel();
     scan.points = Points();
     window.MoveTo(WindowOriginAt(0, 0, options.cell_size_m, window.side_cells()));
     frame = MakeScanFrame(scan, window.origin(), options);
     // Beyond the farthest corner, seen from the middle.
-    limit = window.side_cells() * 3 / 4;
+    rays.SetLimit(window.side_cells() * 3 / 4);
   }
   void Measure() {
-    cpu::BeginPart(Points().size(), limit, part);
-    run = cpu::MeasurePoints(set, frame, Points(), limit, part);
+    runs.Plan(set, frame, Points(), bins, sectors);
+    cpu::MeasureRuns({set, frame, Points(), runs, {&hits, 1}, rays}, 0, part);
   }
-  void Sort(cpu::HitLanes& hits) {
+  void Sort(cpu::HitLanes& lanes) {
     const auto num_cells = static_cast<std::uint32_t>(window.num_cells());
-    hits.Sort({&part, 1}, {&run, 1}, 0, num_cells);
+    lanes.Sort({&part, 1}, {&hits, 1}, 0, num_cells);
   }
   void FillLayers() {
     std::mt19937 random(1);
@@ -91,10 +95,13 @@ struct Stand {
   Scan scan;
   RingWindow window;
   cpu::Layers layers;
+  const RayBins bins;
+  RayTable rays;
+  const std::array<AzimuthSector, 1> sectors;
+  cpu::PointRuns runs{1};
   cpu::MeasuredPart part;
-  cpu::HitRun run;
+  cpu::HitRun hits;
   ScanFrame frame{};
-  std::int32_t limit = 0;
 };
 
 void MeasurePoints(benchmark::State& state) {
@@ -153,8 +160,8 @@ void CompleteRays(benchmark::State& state) {
   Stand stand(state);
   stand.Measure();
   for (auto _ : state) {
-    stand.part.rays.Reset(stand.limit);
-    stand.part.rays.Complete(stand.set);
+    stand.rays.Reset(stand.sectors[0]);
+    stand.rays.Complete(stand.set, stand.sectors[0]);
   }
 }
 
@@ -162,7 +169,7 @@ void LookUpAll(benchmark::State& state) {
   Stand stand(state);
   stand.FillLayers();
   stand.Measure();
-  stand.part.rays.Complete(stand.set);
+  stand.rays.Complete(stand.set, stand.sectors[0]);
   cpu::ClearCandidates candidates(stand.window.num_cells());
   for (std::size_t i = 0; i < stand.window.num_cells(); ++i) {
     const auto side = static_cast<std::size_t>(stand.window.side_cells());
@@ -176,8 +183,7 @@ void LookUpAll(benchmark::State& state) {
   cleared.reserve(stand.window.num_cells());
   for (auto _ : state) {
     cleared.clear();
-    cpu::FindPassedBelow(stand.set, stand.part.rays, stand.frame, stand.options, candidates,
-                         cleared);
+    cpu::FindPassedBelow(stand.set, stand.rays, stand.frame, stand.options, candidates, cleared);
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(stand.window.num_cells()));
 }

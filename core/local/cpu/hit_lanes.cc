@@ -92,6 +92,7 @@ void HitLanes::PlaceCells() {
 }
 
 void HitLanes::Deal(const HitRun& run, std::uint32_t begin, std::uint32_t end) {
+  if (run.cell_max < begin || run.cell_min >= end) return;
   const MeasuredPart& part = *run.part;
   float* heights = heights_.data();
   std::uint32_t* next = next_.data();

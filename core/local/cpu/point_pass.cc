@@ -19,12 +19,13 @@ struct Block {
   alignas(64) Rgba rgba[kBlock];
   alignas(64) std::int32_t ray_place[kBlock];
   alignas(64) float ray_slope[kBlock];
+  alignas(64) std::int32_t azimuth_bin[kBlock];
   alignas(64) std::int32_t over_window[kBlock];  // 1: perhaps in the window, 0: surely not
 };
 
 // How many points pass the tests of MeasureBeam up to here.
 struct Passed {
-  std::int32_t range = 0, body = 0, low = 0, high = 0;
+  std::int32_t points = 0, range = 0, body = 0, low = 0, high = 0;
   Rgba any_rgba = 0;  // of all points, bit by bit
 };
 
@@ -40,33 +41,48 @@ float SpanOver(const ScanFrame& frame) {
 }
 
 // Points that lie one after the other become coordinates side by side. Behind the last one come
-// points that are nowhere: every block is full, and no loop over it ends in one without vectors.
-void Unpack(const ScanPoint* points, std::size_t count, Block& block) {
+// points that are nowhere, up to a whole group: no loop over a block ends in one without vectors.
+// Returns how many groups that makes.
+template <bool kIsFull>
+std::size_t Unpack(std::span<const ScanPoint> points, Block& block) {
   // As values of one type: a compiler does not load a whole point if it is told of a part of it.
   static_assert(sizeof(ScanPoint) == 4 * sizeof(float));
   alignas(64) float values[4 * kBlock];
-  std::memcpy(values, points, count * sizeof(ScanPoint));
-  for (std::size_t i = 0; i < kBlock; ++i) {
+  std::memcpy(values, points.data(), points.size_bytes());
+  const std::size_t num_groups = (points.size() + kGroup - 1) / kGroup;
+  for (std::size_t i = 0; i < (kIsFull ? kBlock : num_groups * kGroup); ++i) {
     block.x_m[i] = values[4 * i];
     block.y_m[i] = values[4 * i + 1];
     block.z_m[i] = values[4 * i + 2];
     block.rgba[i] = std::bit_cast<Rgba>(values[4 * i + 3]);
   }
-  std::fill(block.x_m + count, block.x_m + kBlock, kNowhere_m);
-  std::fill(block.rgba + count, block.rgba + kBlock, Rgba{0});
+  std::fill(block.x_m + points.size(), block.x_m + num_groups * kGroup, kNowhere_m);
+  std::fill(block.rgba + points.size(), block.rgba + num_groups * kGroup, Rgba{0});
+  return num_groups;
 }
 
+// What SeeBlock counts of a block.
+struct BlockCounts {
+  std::int32_t over = 0;    // points that may lie over the window
+  std::int32_t strays = 0;  // rays into other sectors
+};
+
 // MeasureBeam and RayTo of a block's points without branches. The cell is left to SeeHits, which
-// divides: most points of a scan lie outside the window. Returns how many may lie over it.
-template <bool kHasBody>
-std::int32_t SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float span_m,
-                      std::int32_t limit, Block& block, Passed& passed) {
+// divides: most points of a scan lie outside the window. A ray that says nothing gets a place in
+// the sector, so that adding it harms nobody.
+template <bool kHasBody, bool kIsFull>
+BlockCounts SeeBlock(const ScanFrame& frame_in, const RayTable& rays,
+                     const AzimuthSector& sector_in, float span_m, std::size_t num_groups,
+                     Block& block, Passed& passed) {
   const ScanFrame frame = frame_in;  // copies, which stores below cannot change
-  const RayBins bins = bins_in;
+  const RayBins bins = rays.bins();
+  const std::int32_t limit = rays.limit();
+  const AzimuthSector sector = sector_in;
   std::int32_t num_range = 0, num_body = 0, num_low = 0, num_high = 0, num_over = 0;
+  std::int32_t num_strays = 0;
   Rgba any_rgba = 0;
   GEM_INDEPENDENT
-  for (std::size_t i = 0; i < kBlock; ++i) {
+  for (std::size_t i = 0; i < (kIsFull ? kBlock : num_groups * kGroup); ++i) {
     const float x_m = block.x_m[i], y_m = block.y_m[i], z_m = block.z_m[i];
     const bool in_range = InRange(frame, Range2Of({x_m, y_m, z_m, 0}));
     // What is out of range may overflow: it goes on as the sensor's own place.
@@ -76,9 +92,13 @@ std::int32_t SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float s
     const float height_m = offset.z_m + frame.sensor_over_base_m;
     const bool not_low = off_body & !(height_m < frame.height_m_min);
     const bool not_high = not_low & !(height_m > frame.height_m_max);
-    const RayPlace ray = RayPlaceOf(RayTo(offset.x_m, offset.y_m, offset.z_m, bins), bins, limit);
-    block.ray_place[i] = ray.index;
-    block.ray_slope[i] = not_low ? ray.slope : kNoRay;
+    const Ray ray = RayTo(offset.x_m, offset.y_m, offset.z_m, bins);
+    const RayPlace place = RayPlaceOf(ray, bins, limit);
+    const std::int32_t azimuth_bin = not_low ? ray.azimuth_bin : sector.begin;
+    block.azimuth_bin[i] = azimuth_bin;
+    block.ray_place[i] = not_low ? place.index : sector.begin;
+    block.ray_slope[i] = not_low ? place.slope : kNoRay;
+    num_strays += sector.Holds(azimuth_bin) ? 0 : 1;
     const float over_x_m = frame.sensor_x_m + offset.x_m;
     const float over_y_m = frame.sensor_y_m + offset.y_m;
     const bool inside = (over_x_m > -kRounding_m) & (over_x_m <= span_m) &  //
@@ -97,13 +117,49 @@ std::int32_t SeeBlock(const ScanFrame& frame_in, const RayBins& bins_in, float s
   passed.low += num_low;
   passed.high += num_high;
   passed.any_rgba |= any_rgba;
-  return num_over;
+  return {num_over, num_strays};
 }
+
+// Where the next hit is listed. Pointers, for the lists are long enough by now.
+struct Lists {
+  explicit Lists(MeasuredPart& part)
+      : cell(part.cell.data()),
+        elevation_m(part.elevation_m.data()),
+        variance_m2(part.variance_m2.data()),
+        rgba(part.rgba.data()),
+        count_of_cell(part.count_of_cell.data()),
+        strays(part.strays.data()) {}
+
+  std::uint32_t* cell;
+  float* elevation_m;
+  float* variance_m2;
+  Rgba* rgba;
+  std::uint32_t* count_of_cell;
+  StrayRay* strays;
+  std::size_t num_hits = 0, num_strays = 0;
+  bool is_colored = false;
+};
 
 std::uint32_t BitsOf(const std::int32_t* flags) {
   std::uint32_t bits = 0;
   for (std::size_t i = 0; i < kGroup; ++i) bits |= static_cast<std::uint32_t>(flags[i]) << i;
   return bits;
+}
+
+// Keeps the block's rays into other sectors, and puts rays that say nothing in their place.
+void KeepStrays(const AzimuthSector& sector, std::size_t num_groups, Block& block, Lists& lists) {
+  alignas(64) std::int32_t is_stray[kGroup];
+  for (std::size_t first = 0; first < num_groups * kGroup; first += kGroup) {
+    for (std::size_t i = 0; i < kGroup; ++i)
+      is_stray[i] = sector.Holds(block.azimuth_bin[first + i]) ? 0 : 1;
+    for (std::uint32_t bits = BitsOf(is_stray); bits != 0; bits &= bits - 1) {
+      const std::size_t i = first + static_cast<std::size_t>(std::countr_zero(bits));
+      lists.strays[lists.num_strays++] = {{block.ray_place[i], block.ray_slope[i]},
+                                          block.azimuth_bin[i]};
+      block.ray_place[i] = sector.begin;
+      block.ray_slope[i] = kNoRay;
+    }
+  }
 }
 
 struct Hits {
@@ -169,15 +225,25 @@ void CountHits(const Hits& hits, std::size_t count, std::uint32_t* count_of_cell
   }
 }
 
-// Where the next hit is listed. Pointers, for the lists are long enough by now.
-struct Lists {
-  std::uint32_t* cell;
-  float* elevation_m;
-  float* variance_m2;
-  Rgba* rgba;
-  std::uint32_t* count_of_cell;
-  std::size_t num_hits;
-  bool is_colored;
+// The hits of a run, lane by lane of the groups.
+struct CellBounds {
+  alignas(64) std::uint32_t min[kGroup];
+  alignas(64) std::uint32_t max[kGroup];
+
+  CellBounds() {
+    std::fill_n(min, kGroup, ~0u);
+    std::fill_n(max, kGroup, 0u);
+  }
+  void Add(const Hits& hits) {
+    for (std::size_t i = 0; i < kGroup; ++i) {
+      const bool inside = hits.inside[i] != 0;
+      const std::uint32_t low = inside ? hits.cell[i] : ~0u, high = inside ? hits.cell[i] : 0u;
+      min[i] = low < min[i] ? low : min[i];
+      max[i] = high > max[i] ? high : max[i];
+    }
+  }
+  std::uint32_t Min() const { return *std::min_element(min, min + kGroup); }
+  std::uint32_t Max() const { return *std::max_element(max, max + kGroup); }
 };
 
 void List(std::uint32_t bits, Hits& hits, Lists& lists) {
@@ -192,73 +258,106 @@ void List(std::uint32_t bits, Hits& hits, Lists& lists) {
   lists.num_hits += count;
 }
 
-template <bool kHasBody>
-void MeasureBlocks(const ScanFrame& frame, std::span<const ScanPoint> points, std::int32_t limit,
-                   RayTable& rays, Lists& lists, Passed& passed) {
-  const float span_m = SpanOver(frame);
-  Block block;
+template <bool kHasBody, bool kIsFull>
+void MeasureBlock(const PointPass& pass, std::span<const ScanPoint> points, float span_m,
+                  const AzimuthSector& sector, Block& block, CellBounds& bounds, Lists& lists,
+                  Passed& passed) {
+  const std::size_t num_groups = Unpack<kIsFull>(points, block);
+  const BlockCounts counts =
+      SeeBlock<kHasBody, kIsFull>(pass.frame, pass.rays, sector, span_m, num_groups, block, passed);
+  if (counts.strays != 0) KeepStrays(sector, num_groups, block, lists);
+  pass.rays.Add(block.ray_place, block.ray_slope, num_groups * kGroup);
+  if (!lists.is_colored && HasColor(passed.any_rgba)) {
+    lists.is_colored = true;
+    std::fill_n(lists.rgba, lists.num_hits, Rgba{0});
+  }
+  if (counts.over == 0) return;
   Hits hits;
-  for (std::size_t begin = 0; begin < points.size(); begin += kBlock) {
-    Unpack(points.data() + begin, std::min(kBlock, points.size() - begin), block);
-    const std::int32_t num_over =
-        SeeBlock<kHasBody>(frame, rays.bins(), span_m, limit, block, passed);
-    rays.Add(block.ray_place, block.ray_slope, kBlock);
-    if (!lists.is_colored && HasColor(passed.any_rgba)) {
-      lists.is_colored = true;
-      std::fill_n(lists.rgba, lists.num_hits, Rgba{0});
-    }
-    if (num_over == 0) continue;
-    for (std::size_t first = 0; first < kBlock; first += kGroup) {
-      if (BitsOf(block.over_window + first) == 0) continue;
-      SeeHits(frame, block, first, hits);
-      List(BitsOf(hits.inside), hits, lists);
-    }
+  for (std::size_t first = 0; first < num_groups * kGroup; first += kGroup) {
+    if (BitsOf(block.over_window + first) == 0) continue;
+    SeeHits(pass.frame, block, first, hits);
+    bounds.Add(hits);
+    List(BitsOf(hits.inside), hits, lists);
   }
 }
 
-}  // namespace
+// Nearly all blocks are full, and loops over so many points as the compiler knows are faster.
+template <bool kHasBody>
+void MeasureRun(const PointPass& pass, std::size_t number, MeasuredPart& part, Lists& lists,
+                Passed& passed) {
+  const PointRun& run = pass.runs.runs()[number];
+  const std::size_t first_hit = lists.num_hits;
+  const float span_m = SpanOver(pass.frame);
+  CellBounds bounds;
+  Block block;
+  std::size_t begin = run.begin;
+  for (; begin + kBlock <= run.end; begin += kBlock) {
+    MeasureBlock<kHasBody, true>(pass, pass.points.subspan(begin, kBlock), span_m, part.sector,
+                                 block, bounds, lists, passed);
+  }
+  if (begin < run.end) {
+    MeasureBlock<kHasBody, false>(pass, pass.points.subspan(begin, run.end - begin), span_m,
+                                  part.sector, block, bounds, lists, passed);
+  }
+  passed.points += static_cast<std::int32_t>(run.end - run.begin);
+  pass.hits[number] = {&part, first_hit, lists.num_hits, bounds.Min(), bounds.Max()};
+}
 
-void BeginPart(std::size_t num_points, std::int32_t range_bin_limit, MeasuredPart& part) {
+void BeginPart(std::size_t num_points, bool has_strays, MeasuredPart& part) {
   const std::size_t num_listed = num_points + kGroup;
   if (part.cell.size() < num_listed) {
     part.cell.resize(num_listed);
     part.elevation_m.resize(num_listed);
     part.variance_m2.resize(num_listed);
     part.rgba.resize(num_listed);
+    if (has_strays) part.strays.resize(num_listed);
   }
-  part.num_hits = 0;
-  part.is_colored = false;
   part.fates = {};
-  part.rays.Reset(range_bin_limit);
 }
 
-HitRun MeasurePoints(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
-                     std::int32_t range_bin_limit, MeasuredPart& part) {
-  Passed passed;
-  Lists lists{part.cell.data(), part.elevation_m.data(),   part.variance_m2.data(),
-              part.rgba.data(), part.count_of_cell.data(), part.num_hits,
-              part.is_colored};
-  RunVectorised(set, [&] {
-    if (frame.has_body) {
-      MeasureBlocks<true>(frame, points, range_bin_limit, part.rays, lists, passed);
-    } else {
-      MeasureBlocks<false>(frame, points, range_bin_limit, part.rays, lists, passed);
-    }
-  });
-  const HitRun run{&part, part.num_hits, lists.num_hits};
+void EndPart(const Lists& lists, const Passed& passed, MeasuredPart& part) {
   part.num_hits = lists.num_hits;
+  part.num_strays = lists.num_strays;
   part.is_colored = lists.is_colored;
-  const auto num_hits = static_cast<std::int32_t>(run.end - run.begin);
+  const auto num_hits = static_cast<std::int32_t>(lists.num_hits);
   const auto count = [&](PointFate fate, std::int32_t num_points) {
-    part.fates[static_cast<std::size_t>(fate)] += static_cast<std::uint32_t>(num_points);
+    part.fates[static_cast<std::size_t>(fate)] = static_cast<std::uint32_t>(num_points);
   };
-  count(PointFate::kOutOfRange, static_cast<std::int32_t>(points.size()) - passed.range);
+  count(PointFate::kOutOfRange, passed.points - passed.range);
   count(PointFate::kOnBody, passed.range - passed.body);
   count(PointFate::kTooLow, passed.body - passed.low);
   count(PointFate::kTooHigh, passed.low - passed.high);
   count(PointFate::kOutsideWindow, passed.high - num_hits);
   count(PointFate::kInWindow, num_hits);
-  return run;
+}
+
+}  // namespace
+
+void MeasureRuns(const PointPass& pass, std::size_t thread, MeasuredPart& part) {
+  BeginPart(pass.points.size(), part.sector.size() < FullTurn(pass.rays.bins()).size(), part);
+  pass.rays.Reset(part.sector);
+  Lists lists(part);
+  Passed passed;
+  RunVectorised(pass.set, [&] {
+    for (std::size_t run = pass.runs.Take(thread); run != PointRuns::kNone;
+         run = pass.runs.Take(thread)) {
+      if (pass.frame.has_body) {
+        MeasureRun<true>(pass, run, part, lists, passed);
+      } else {
+        MeasureRun<false>(pass, run, part, lists, passed);
+      }
+    }
+  });
+  EndPart(lists, passed, part);
+}
+
+void AddStrays(std::span<const MeasuredPart> parts, std::size_t thread, RayTable& rays) {
+  const AzimuthSector& sector = parts[thread].sector;
+  for (const MeasuredPart& part : parts) {
+    if (&part == &parts[thread]) continue;
+    for (const StrayRay& ray : std::span(part.strays).first(part.num_strays))
+      if (sector.Holds(ray.azimuth_bin)) rays.Add(&ray.place.index, &ray.place.slope, 1);
+  }
 }
 
 }  // namespace gem::cpu

@@ -19,6 +19,18 @@ TEST(ThreadTeam, CallsEachMemberOncePerRoundAndWaitsForAll) {
   }
 }
 
+// A call that wakes the team is no round: nobody works on it, and none is missed.
+TEST(ThreadTeam, WakingIsNotARound) {
+  ThreadTeam team(3);
+  std::vector<int> calls(3, 0);
+  for (int round = 1; round <= 200; ++round) {
+    for (int i = 0; i < round % 3; ++i) team.Wake();
+    team.Run([&](int i) { ++calls[static_cast<std::size_t>(i)]; });
+    for (const int count : calls) ASSERT_EQ(count, round);
+  }
+  team.Wake();
+}
+
 TEST(ThreadTeam, MayBeDismissedWithoutWork) { ThreadTeam team(4); }
 
 TEST(Piece, PiecesCoverTheWholeOnce) {

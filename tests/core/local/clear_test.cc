@@ -119,9 +119,10 @@ TEST(Sight, IsEveryBinWhoseDirectionsAllMeetTheCell) {
 
 bool Clears(const std::vector<Eigen::Vector3f>& ends, float x_m, float y_m, float height_m) {
   RayTable table(kBins);
-  table.Reset(kBins.range - 1);
+  table.SetLimit(kBins.range - 1);
+  table.Reset(FullTurn(kBins));
   for (const Eigen::Vector3f& end : ends) table.Add(RayTo(end.x(), end.y(), end.z(), kBins));
-  table.Complete(WidestVectorSet());
+  table.Complete(WidestVectorSet(), FullTurn(kBins));
   return table.AllPassBelow(SightOf(x_m, y_m, kBins), kSensor_m, height_m);
 }
 
@@ -224,13 +225,14 @@ TEST(Clear, FindsNearlyAllCellsThatExactGeometryClears) {
   std::mt19937 random(3);
   const auto points = lidar.Sweep(world, Pose<Odom, Sensor>::FromTranslation(0, 0, 1.7), random);
   RayTable table(kBins);
-  table.Reset(kBins.range - 1);
+  table.SetLimit(kBins.range - 1);
+  table.Reset(FullTurn(kBins));
   std::vector<Eigen::Vector3f> ends;
   for (const ScanPoint& p : points) {
     ends.emplace_back(p.x_m, p.y_m, p.z_m);
     table.Add(RayTo(p.x_m, p.y_m, p.z_m, kBins));
   }
-  table.Complete(WidestVectorSet());
+  table.Complete(WidestVectorSet(), FullTurn(kBins));
   int exact = 0, found = 0;
   for (const float ghost_m : {0.3f, 0.8f, 1.6f}) {
     for (int row = -20; row < 20; row += 3) {
