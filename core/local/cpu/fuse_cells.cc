@@ -7,8 +7,7 @@ namespace {
 
 constexpr std::size_t kLanes = HitLanes::kLanes;
 
-// Where the cells of a group are. Behind the last cell of the last group, where its first cell is:
-// what lies elsewhere may be another thread's.
+// Where the cells of a group are. Behind the last cell of the last group, where that one is.
 struct LanePlaces {
   alignas(64) std::uint32_t index[kLanes];
   alignas(64) std::uint32_t slot[kLanes];
@@ -21,9 +20,8 @@ void Load(const FuseTarget& target, const HitLanes& hits, std::size_t first_rank
   const std::uint32_t* count_of = hits.counts() + first_rank;
   GEM_INDEPENDENT
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const std::uint32_t index = cell_of[lane < count ? lane : 0];
-    const Place place = target.window.PlaceOf(index);
-    places.index[lane] = index;
+    const Place place = target.window.PlaceOf(cell_of[lane]);
+    places.index[lane] = cell_of[lane];
     places.slot[lane] = target.window.SlotOf(place);
     cells.pose_m2[lane] = PoseVarianceOfCell(frame, place.column, place.row);
     cells.count[lane] = lane < count ? static_cast<std::int32_t>(count_of[lane]) : 0;

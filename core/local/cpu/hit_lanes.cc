@@ -70,6 +70,8 @@ void HitLanes::RankCells() {
     counts_[at] = listed_count_[i];
     rank_of_cell_[listed_[i]] = at + 1;
   }
+  // Lanes without a cell look at the last one: what lies elsewhere may be another thread's.
+  if (num_cells_ > 0) std::fill_n(cells_.begin() + num_cells_, kLanes, cells_[num_cells_ - 1]);
 }
 
 void HitLanes::PlaceCells() {
