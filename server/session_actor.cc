@@ -123,10 +123,9 @@ void SessionActor::CountDropped(std::uint64_t num_dropped) {
 
 void SessionActor::TakeScan(SessionMapper& mapper, IngestMessage message) {
   InLine scan;
-  scan.status = mapper.Take(*message.scan, scan.held);
+  scan.status = mapper.Take(std::move(message.scan), scan.held);
   scan.size_bytes = std::max(scan.held.size_bytes(), message.size_bytes);
   scan.since = Clock::now();
-  message.scan = nullptr;
   scan.message = std::move(message);
   line_bytes_ += scan.size_bytes;
   line_.push_back(std::move(scan));

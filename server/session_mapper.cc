@@ -67,11 +67,14 @@ bool SessionMapper::Knows(std::int64_t stamp_ns) const {
   return found != poses.end() && found->stamp_ns == stamp_ns;
 }
 
-absl::Status SessionMapper::Take(const v1::Scan& proto, HeldScan& held) {
+absl::Status SessionMapper::Take(std::shared_ptr<const v1::Scan> proto, HeldScan& held) {
   mapper_->Expect();
   held.scan = std::move(spare_);
   const FieldPath field("scan");
-  GEM_RETURN_IF_ERROR(wire::FromProto(proto, config_.scan_limits, field, held.scan));
+  GEM_RETURN_IF_ERROR(
+      wire::FromProto(*proto, config_.scan_limits, field, held.scan, wire::PointForm::kPacked));
+  const bool is_viewed = held.scan.packed.count != 0 && held.scan.inflated == nullptr;
+  if (is_viewed) held.message = std::move(proto);
   const auto sensor =
       std::find_if(config_.setup.sensors.begin(), config_.setup.sensors.end(),
                    [&](const wire::SensorSetup& s) { return s.name == held.scan.sensor; });
@@ -146,6 +149,7 @@ ScanReport SessionMapper::Fuse(HeldScan& held) {
   scan.translation_covariance_m2 = covariance.translation_m2;
   scan.noise = held.sensor->noise;
   scan.points = held.scan.points;
+  scan.packed = held.scan.packed;
   evicted_.clear();
   const ScanReport report = mapper_->FuseScan(scan, evicted_);
 

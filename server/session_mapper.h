@@ -51,6 +51,7 @@ class SessionMapper {
   /// A scan that was taken, decoded and judged.
   struct HeldScan {
     wire::DecodedScan scan;
+    std::shared_ptr<const v1::Scan> message;  ///< kept if `scan` views its points
     const wire::SensorSetup* sensor = nullptr;
     TimeSpan span;  ///< from its first point to its last, the stamp included
 
@@ -59,13 +60,15 @@ class SessionMapper {
     Deskewing deskewing = Deskewing::kNotNeeded;
 
     std::uint64_t size_bytes() const {
-      return scan.points.size() * sizeof(ScanPoint) + scan.time_offsets_s.size() * sizeof(float);
+      return scan.points.size() * sizeof(ScanPoint) +
+             (scan.inflated != nullptr ? scan.inflated->size() : 0) +
+             scan.time_offsets_s.size() * sizeof(float);
     }
   };
 
   /// Judges all of the scan but its order. A refusal names the field and carries a ProblemReason.
   /// Call Recycle(held) when done with it, whatever became of it.
-  absl::Status Take(const v1::Scan& scan, HeldScan& held);
+  absl::Status Take(std::shared_ptr<const v1::Scan> scan, HeldScan& held);
 
   enum class Readiness { kReady, kWaits };
   /// Looks for the poses of a scan all of whose predecessors are done. It waits if streamed poses

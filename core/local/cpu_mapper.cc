@@ -74,7 +74,7 @@ class CpuMapper final : public LocalMapper {
     Move(scan, evicted, report);
     GrowVariances(scan);
     report.seconds.move = stopwatch.Lap();
-    Measure(scan.points, report);
+    Measure(scan, report);
     report.seconds.measure = stopwatch.Lap();
     Fuse(report);
     report.seconds.fuse = stopwatch.Lap();
@@ -105,7 +105,7 @@ class CpuMapper final : public LocalMapper {
   void Move(const Scan& scan, std::vector<EvictedCell>& evicted, ScanReport& report);
   void GrowVariances(const Scan& scan);
   std::int32_t RangeBinLimit() const;
-  void Measure(std::span<const ScanPoint> points, ScanReport& report);
+  void Measure(const Scan& scan, ScanReport& report);
   FuseTarget Target() {
     return {set_,      window_, frame_,  limits_, options_.traversability_free,
             stamp_ns_, layers_, changed_};
@@ -216,17 +216,17 @@ std::int32_t CpuMapper::RangeBinLimit() const {
   return std::min(RangeBinOf(far_m, bins) + 2, bins.range - 1);
 }
 
-void CpuMapper::Measure(std::span<const ScanPoint> points, ScanReport& report) {
+void CpuMapper::Measure(const Scan& scan, ScanReport& report) {
   rays_.SetLimit(RangeBinLimit());
-  runs_.Plan(set_, frame_, points, rays_.bins(), sectors_);
+  runs_.Plan(set_, frame_, scan, rays_.bins(), sectors_);
   hit_runs_.resize(runs_.runs().size());
-  const cpu::PointPass pass{set_, frame_, points, runs_, hit_runs_, rays_};
+  const cpu::PointPass pass{set_, frame_, scan, runs_, hit_runs_, rays_};
   // What is made of the runs does not depend on who measured them.
   team_.Run([&](int i) {
     const auto thread = static_cast<std::size_t>(i);
     cpu::MeasureRuns(pass, thread, parts_[thread]);
   });
-  report.points = points.size();
+  report.points = scan.num_points();
   for (const MeasuredPart& part : parts_) {
     const auto count = [&](PointFate fate) { return part.fates[static_cast<std::size_t>(fate)]; };
     report.points_out_of_range += count(PointFate::kOutOfRange);

@@ -153,8 +153,9 @@ void ReferenceMapper::GrowVariances(const Scan& scan) {
 void ReferenceMapper::Measure(const Scan& scan, ScanReport& report) {
   hits_.assign(cells_.size(), {});
   rays_.clear();
-  report.points = scan.points.size();
-  for (const ScanPoint& p_S : scan.points) {
+  report.points = scan.num_points();
+  for (std::size_t i = 0; i < scan.num_points(); ++i) {
+    const ScanPoint p_S = scan.PointAt(i);
     const Beam beam = MeasureBeam(frame_, p_S);
     if (RayCounts(beam.fate)) rays_.push_back(RayTo(beam.x_m, beam.y_m, beam.z_m, bins_));
     switch (beam.fate) {

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "core/geometry/pose.h"
 #include "core/sensor/noise_model.h"
+#include "core/sensor/packed_points.h"
 #include "core/sensor/scan_point.h"
 
 namespace gem {
@@ -23,7 +25,14 @@ struct Scan {
   /// Covariance of the translation of T_O_B, in O, m^2 (eq. (11)).
   Eigen::Matrix3d translation_covariance_m2 = Eigen::Matrix3d::Zero();
   NoiseModel noise;
+  /// One of the two is empty.
   std::span<const ScanPoint> points;
+  PackedPoints packed;
+
+  std::size_t num_points() const { return points.size() + packed.count; }
+  ScanPoint PointAt(std::size_t index) const {
+    return packed.count != 0 ? gem::PointAt(packed, index) : points[index];
+  }
 };
 
 }  // namespace gem

@@ -3,20 +3,18 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
+#include <memory>
 #include <span>
 #include <utility>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/grid/cell_index.h"
-#include "core/sensor/deskew.h"
 #include "gem/v1/types.pb.h"
 #include "proto/wire/depth_image.h"
+#include "proto/wire/point_decoding.h"
+#include "proto/wire/point_layout.h"
 #include "proto/wire/pose.h"
 #include "proto/wire/refusal.h"
 #include "proto/wire/scalar.h"
@@ -26,128 +24,10 @@
 namespace gem::wire {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "points are copied as they lie");
-
-constexpr std::uint32_t kStrideMin = 6;
-constexpr std::uint32_t kStrideMax = 256;
-constexpr int kFieldsMin = 3;
-constexpr int kFieldsMax = 16;
 constexpr int kCovarianceValues = 21;
 constexpr float kCovarianceMax = 1e6f;
-constexpr double kScaleMax_m = 1e3;
 /// Higher levels take 3 % less for twice the time.
 constexpr int kZstdLevel = 1;
-
-/// Where one value lies within a point.
-struct Column {
-  bool present = false;
-  v1::PointField::Type type = v1::PointField::TYPE_UNSPECIFIED;
-  std::uint32_t offset = 0;
-  float scale = 1;
-};
-
-struct Layout {
-  std::uint32_t stride = 0;
-  std::array<Column, 3> xyz;
-  Column rgba;
-  Column time_offset;
-};
-
-constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
-constexpr char kColorName[] = "rgba";
-constexpr char kTimeOffsetName[] = "time_offset";
-constexpr char kTimeOffsetShortName[] = "t";
-
-std::uint32_t WidthOf(v1::PointField::Type type) {
-  switch (type) {
-    case v1::PointField::TYPE_UINT8:
-      return 1;
-    case v1::PointField::TYPE_UINT16:
-    case v1::PointField::TYPE_INT16:
-      return 2;
-    case v1::PointField::TYPE_UINT32:
-    case v1::PointField::TYPE_FLOAT32:
-      return 4;
-    default:
-      return 0;
-  }
-}
-
-std::string TypeName(v1::PointField::Type type) {
-  const std::string& name = v1::PointField::Type_Name(type);
-  return name.empty() ? absl::StrCat(static_cast<int>(type)) : name;
-}
-
-absl::Status CheckScale(const v1::PointField& proto, const FieldPath& field) {
-  const double scale = proto.scale();
-  if (proto.type() == v1::PointField::TYPE_INT16) {
-    if (scale == 0 || (std::isfinite(scale) && scale > 0 && scale <= kScaleMax_m))
-      return absl::OkStatus();
-    return Refuse(field, scale, absl::StrCat("0 (means 1) to ", kScaleMax_m));
-  }
-  if (scale == 0) return absl::OkStatus();
-  return Refuse(field, scale, absl::StrCat("0 for ", TypeName(proto.type())));
-}
-
-/// Null for a name that means nothing to us.
-Column* ColumnNamed(const std::string& name, Layout& layout) {
-  for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis)
-    if (name == kAxisNames[axis]) return &layout.xyz[axis];
-  if (name == kColorName) return &layout.rgba;
-  if (name == kTimeOffsetName || name == kTimeOffsetShortName) return &layout.time_offset;
-  return nullptr;
-}
-
-/// The types that the column may have: one or two.
-std::pair<v1::PointField::Type, v1::PointField::Type> TypesOf(const Column& column,
-                                                              const Layout& layout) {
-  if (&column == &layout.rgba) return {v1::PointField::TYPE_UINT32, v1::PointField::TYPE_UINT32};
-  if (&column == &layout.time_offset)
-    return {v1::PointField::TYPE_FLOAT32, v1::PointField::TYPE_UINT32};
-  return {v1::PointField::TYPE_FLOAT32, v1::PointField::TYPE_INT16};
-}
-
-absl::Status AddColumn(const v1::PointField& proto, const FieldPath& field, Layout& layout) {
-  const std::uint32_t width = WidthOf(proto.type());
-  if (width == 0) return Refuse(field.Child("type"), TypeName(proto.type()), "a known type");
-  // In 64 bits: an offset near 2^32 must not wrap round to a small sum.
-  if (std::uint64_t{proto.offset()} + width > layout.stride)
-    return Refuse(field.Child("offset"), absl::StrCat(proto.offset()),
-                  absl::StrCat("at most point_stride - width = ", layout.stride, " - ", width));
-  GEM_RETURN_IF_ERROR(CheckScale(proto, field.Child("scale")));
-
-  Column* column = ColumnNamed(proto.name(), layout);
-  if (column == nullptr) return absl::OkStatus();
-  if (column->present)
-    return Refuse(field.Child("name"), absl::StrCat("\"", proto.name(), "\" for the second time"),
-                  "each name once");
-  const auto [a, b] = TypesOf(*column, layout);
-  if (proto.type() != a && proto.type() != b)
-    return Refuse(field.Child("type"), TypeName(proto.type()),
-                  absl::StrCat(TypeName(a), a == b ? "" : absl::StrCat(" or ", TypeName(b)),
-                               " for ", proto.name()));
-  const float scale = proto.scale() == 0 ? 1.0f : static_cast<float>(proto.scale());
-  *column = {.present = true, .type = proto.type(), .offset = proto.offset(), .scale = scale};
-  return absl::OkStatus();
-}
-
-absl::StatusOr<Layout> LayoutFromProto(const v1::Scan& proto, const FieldPath& field) {
-  Layout layout{.stride = proto.point_stride(), .xyz = {}, .rgba = {}, .time_offset = {}};
-  if (layout.stride < kStrideMin || layout.stride > kStrideMax)
-    return Refuse(field.Child("point_stride"), absl::StrCat(layout.stride),
-                  absl::StrCat(kStrideMin, " to ", kStrideMax));
-  const FieldPath fields = field.Child("fields");
-  if (proto.fields_size() < kFieldsMin || proto.fields_size() > kFieldsMax)
-    return Refuse(fields, absl::StrCat(proto.fields_size(), " fields"),
-                  absl::StrCat(kFieldsMin, " to ", kFieldsMax));
-  for (int i = 0; i < proto.fields_size(); ++i)
-    GEM_RETURN_IF_ERROR(AddColumn(proto.fields(i), fields.At(static_cast<std::size_t>(i)), layout));
-  for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis)
-    if (!layout.xyz[axis].present)
-      return Refuse(fields, absl::StrCat("without \"", kAxisNames[axis], "\""),
-                    "x, y and z once each");
-  return layout;
-}
 
 absl::StatusOr<ScanCompression> CompressionFromProto(const v1::Scan& proto,
                                                      const FieldPath& field) {
@@ -192,143 +72,18 @@ absl::Status CheckSize(const v1::Scan& proto, bool compressed, const ScanLimits&
   return absl::OkStatus();
 }
 
-/// Of a layout that fits the stride.
-std::vector<PointColumn> ColumnsOf(const v1::Scan& proto) {
-  std::vector<PointColumn> fields;
-  for (const v1::PointField& field : proto.fields())
-    fields.push_back({field.offset(), WidthOf(field.type())});
-  return ColumnsOf(fields, proto.point_stride());
-}
-
-/// The points as the driver packed them: those of `proto`, or inflated into `buffer`. The layout
-/// was checked.
-absl::StatusOr<absl::string_view> PackedPoints(const v1::Scan& proto, ScanCompression compression,
-                                               const ScanLimits& limits, const FieldPath& field,
-                                               std::string& buffer) {
+/// The points as the driver packed them: those of `proto`, or `inflated`. The layout was checked.
+absl::StatusOr<absl::string_view> PointBytes(const v1::Scan& proto, ScanCompression compression,
+                                             const ScanLimits& limits, const FieldPath& field,
+                                             std::unique_ptr<const std::string>& inflated) {
   GEM_RETURN_IF_ERROR(CheckSize(proto, compression != ScanCompression::kNone, limits, field));
   if (compression == ScanCompression::kNone) return absl::string_view(proto.points());
   const std::size_t bytes = std::size_t{proto.point_count()} * proto.point_stride();
-  GEM_ASSIGN_OR_RETURN(buffer, Inflated(proto.points(), bytes, field.Child("points")));
+  GEM_ASSIGN_OR_RETURN(std::string buffer, Inflated(proto.points(), bytes, field.Child("points")));
   if (compression == ScanCompression::kDeltaZstd)
-    buffer = DecodeDeltas(buffer, proto.point_stride(), ColumnsOf(proto));
-  return absl::string_view(buffer);
-}
-
-template <typename T>
-T Load(const char* at) {
-  T value;
-  std::memcpy(&value, at, sizeof(T));
-  return value;
-}
-
-float LoadAxis(const char* point, const Column& column) {
-  if (column.type == v1::PointField::TYPE_INT16)
-    return static_cast<float>(Load<std::int16_t>(point + column.offset)) * column.scale;
-  return Load<float>(point + column.offset);
-}
-
-bool InRange(float value_m) { return std::abs(value_m) <= static_cast<float>(kCoordinateMax_m); }
-
-absl::Status RefusePoint(const ScanPoint& point, std::size_t index, const FieldPath& field) {
-  const FieldPath points = field.Child("points");
-  const FieldPath element = points.At(index);
-  const std::array<float, 3> xyz = {point.x_m, point.y_m, point.z_m};
-  for (std::size_t axis = 0; axis < xyz.size(); ++axis) {
-    if (!std::isfinite(xyz[axis]))
-      return Refuse(element.Child(kAxisNames[axis]), xyz[axis], "a finite number");
-    if (!InRange(xyz[axis]))
-      return Refuse(element.Child(kAxisNames[axis]), xyz[axis],
-                    absl::StrCat("at most ", kCoordinateMax_m, " in magnitude"));
-  }
-  return absl::InternalError("a point that is in range was refused");
-}
-
-/// Seconds; a UINT32 holds nanoseconds.
-float LoadTimeOffset_s(const char* point, const Column& column) {
-  if (column.type == v1::PointField::TYPE_UINT32)
-    return static_cast<float>(Load<std::uint32_t>(point + column.offset) * 1e-9);
-  return Load<float>(point + column.offset);
-}
-
-absl::Status DecodeTimeOffsets(absl::string_view packed, const Layout& layout,
-                               const FieldPath& field, std::vector<float>& time_offsets_s) {
-  time_offsets_s.resize(layout.time_offset.present ? packed.size() / layout.stride : 0);
-  const char* at = packed.data();
-  for (std::size_t i = 0; i < time_offsets_s.size(); ++i, at += layout.stride) {
-    time_offsets_s[i] = LoadTimeOffset_s(at, layout.time_offset);
-    if (!(std::abs(time_offsets_s[i]) <= kTimeOffsetMax_s)) [[unlikely]] {  // NaN, too
-      const FieldPath points = field.Child("points");
-      const FieldPath point = points.At(i);
-      return Refuse(point.Child(kTimeOffsetName), time_offsets_s[i],
-                    absl::StrCat("at most ", kTimeOffsetMax_s, " s in magnitude"));
-    }
-  }
-  return absl::OkStatus();
-}
-
-/// Grows with the magnitude; NaN exceeds infinity.
-std::int32_t MagnitudeBits(float value) {
-  return std::bit_cast<std::int32_t>(value) & std::numeric_limits<std::int32_t>::max();
-}
-
-/// x, y and z, all stored as Axis, and no colour. Without a branch, which doubles the speed of
-/// INT16. False if a point is out of range.
-template <typename Axis>
-bool DecodeAxes(const char* at, const Layout& layout, std::span<ScanPoint> points) {
-  const std::int32_t most = MagnitudeBits(static_cast<float>(kCoordinateMax_m));
-  const auto& [x, y, z] = layout.xyz;
-  std::int32_t beyond = 0;  // negative once one is
-  for (ScanPoint& point : points) {
-    point = {static_cast<float>(Load<Axis>(at + x.offset)) * x.scale,
-             static_cast<float>(Load<Axis>(at + y.offset)) * y.scale,
-             static_cast<float>(Load<Axis>(at + z.offset)) * z.scale, 0};
-    beyond |= (most - MagnitudeBits(point.x_m)) | (most - MagnitudeBits(point.y_m)) |
-              (most - MagnitudeBits(point.z_m));
-    at += layout.stride;
-  }
-  return beyond >= 0;
-}
-
-void DecodeMixedAxes(const char* at, const Layout& layout, std::span<ScanPoint> points) {
-  const auto& [x, y, z] = layout.xyz;
-  for (ScanPoint& point : points) {
-    point = {LoadAxis(at, x), LoadAxis(at, y), LoadAxis(at, z), 0};
-    at += layout.stride;
-  }
-}
-
-void DecodeColors(const char* at, const Layout& layout, std::span<ScanPoint> points) {
-  for (ScanPoint& point : points) {
-    const Rgba rgba = Load<Rgba>(at + layout.rgba.offset);
-    // Inside the mapper a colour is there (alpha 255) or not (0): half transparent means there.
-    point.rgba = (rgba >> 24) == 0 ? 0 : rgba | 0xff000000u;
-    at += layout.stride;
-  }
-}
-
-absl::Status DecodePoints(absl::string_view packed, const Layout& layout, const FieldPath& field,
-                          std::vector<ScanPoint>& points) {
-  points.resize(packed.size() / layout.stride);
-  const char* at = packed.data();
-  const auto are = [&](v1::PointField::Type type) {
-    return std::all_of(layout.xyz.begin(), layout.xyz.end(),
-                       [&](const Column& column) { return column.type == type; });
-  };
-  bool in_range = false;  // or not known to be
-  if (are(v1::PointField::TYPE_FLOAT32)) {
-    in_range = DecodeAxes<float>(at, layout, points);
-  } else if (are(v1::PointField::TYPE_INT16)) {
-    in_range = DecodeAxes<std::int16_t>(at, layout, points);
-  } else {
-    DecodeMixedAxes(at, layout, points);
-  }
-  for (std::size_t i = 0; i < points.size() && !in_range; ++i) {
-    const ScanPoint& point = points[i];
-    if (!(InRange(point.x_m) && InRange(point.y_m) && InRange(point.z_m)))
-      return RefusePoint(point, i, field);
-  }
-  if (layout.rgba.present) DecodeColors(at, layout, points);
-  return absl::OkStatus();
+    buffer = DecodeDeltas(buffer, proto.point_stride(), PointColumnsOf(proto));
+  inflated = std::make_unique<const std::string>(std::move(buffer));
+  return absl::string_view(*inflated);
 }
 
 /// Position of (row, column) of the upper triangle of a 6x6 matrix by rows; row <= column.
@@ -384,7 +139,7 @@ bool HasPoints(const v1::Scan& proto) {
 }
 
 absl::Status PayloadFromProto(const v1::Scan& proto, const ScanLimits& limits,
-                              const FieldPath& field, DecodedScan& scan) {
+                              const FieldPath& field, PointForm form, DecodedScan& scan) {
   if (HasPoints(proto) == proto.has_depth_image())
     return proto.has_depth_image()
                ? Refuse(field.Child("depth_image"), "set and points are, too", "one of the two")
@@ -404,12 +159,19 @@ absl::Status PayloadFromProto(const v1::Scan& proto, const ScanLimits& limits,
     scan.time_offsets_s.clear();
     return absl::OkStatus();
   }
-  GEM_ASSIGN_OR_RETURN(const Layout layout, LayoutFromProto(proto, field));
-  std::string buffer;
-  GEM_ASSIGN_OR_RETURN(const absl::string_view packed,
-                       PackedPoints(proto, compression, limits, field, buffer));
-  GEM_RETURN_IF_ERROR(DecodePoints(packed, layout, field, scan.points));
-  return DecodeTimeOffsets(packed, layout, field, scan.time_offsets_s);
+  GEM_ASSIGN_OR_RETURN(const PointLayout layout, LayoutFromProto(proto, field));
+  GEM_ASSIGN_OR_RETURN(const absl::string_view bytes,
+                       PointBytes(proto, compression, limits, field, scan.inflated));
+  if (form == PointForm::kPacked) {
+    if (const std::optional<PackedPoints> packed = AsPacked(bytes, layout)) {
+      scan.points.clear();
+      scan.time_offsets_s.clear();
+      scan.packed = *packed;
+      return absl::OkStatus();
+    }
+  }
+  GEM_RETURN_IF_ERROR(DecodePoints(bytes, layout, field, scan.points));
+  return DecodeTimeOffsets(bytes, layout, field, scan.time_offsets_s);
 }
 
 v1::PointField* AddField(const char* name, std::uint32_t offset, v1::PointField::Type type,
@@ -433,11 +195,13 @@ char* ResizePoints(std::size_t num_points, std::uint32_t stride, v1::Scan* proto
 }  // namespace
 
 absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field,
-                       DecodedScan& scan) {
+                       DecodedScan& scan, PointForm form) {
   scan.seq = proto.seq();
   scan.stamp_ns = proto.stamp_ns();
   scan.T_O_B.reset();
   scan.covariance.reset();
+  scan.packed = {};
+  scan.inflated.reset();
   GEM_RETURN_IF_ERROR(CheckStamp(proto.stamp_ns(), field.Child("stamp_ns")));
   GEM_RETURN_IF_ERROR(CheckId(proto.sensor(), field.Child("sensor")));
   scan.sensor = proto.sensor();
@@ -451,7 +215,7 @@ absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const Fi
     if (!covariance.ok()) return covariance.status();
     scan.covariance = *covariance;
   }
-  return PayloadFromProto(proto, limits, field, scan);
+  return PayloadFromProto(proto, limits, field, form, scan);
 }
 
 std::uint64_t PayloadBytes(const v1::Scan& proto) {
@@ -544,7 +308,7 @@ void Compress(ScanCompression compression, v1::Scan* proto) {
     return;
   }
   if (compression == ScanCompression::kDeltaZstd)
-    proto->set_points(EncodeDeltas(proto->points(), proto->point_stride(), ColumnsOf(*proto)));
+    proto->set_points(EncodeDeltas(proto->points(), proto->point_stride(), PointColumnsOf(*proto)));
   proto->set_points(Compressed(proto->points(), kZstdLevel));
   proto->set_compression(static_cast<v1::ScanCompression>(compression));
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,7 +11,8 @@
 
 #include "absl/status/status.h"
 #include "core/geometry/pose.h"
-#include "core/sensor/scan.h"
+#include "core/sensor/packed_points.h"
+#include "core/sensor/scan_point.h"
 #include "proto/wire/field_path.h"
 
 namespace gem::v1 {
@@ -34,6 +36,12 @@ struct PoseCovariance {
   Eigen::Matrix3d rotation_rad2 = Eigen::Matrix3d::Zero();   ///< of the rotation vector, in B
 };
 
+/// What becomes of points that are int16.
+enum class PointForm : std::uint8_t {
+  kDecoded,
+  kPacked,  ///< they stay as they are where none can be out of range: see DecodedScan::packed
+};
+
 /// A scan as it came over the wire. The caller keeps one and reuses its buffer.
 struct DecodedScan {
   std::uint64_t seq = 0;
@@ -42,6 +50,10 @@ struct DecodedScan {
   std::optional<Pose<Odom, Base>> T_O_B;
   std::optional<PoseCovariance> covariance;
   std::vector<ScanPoint> points;
+  /// Instead of points, if it is not empty. Views the message that it came in, or `inflated`.
+  PackedPoints packed;
+  /// Points that came compressed. On the heap, so that views of it survive when the scan is moved.
+  std::unique_ptr<const std::string> inflated;
   /// When each point was measured, relative to the stamp: at most kTimeOffsetMax_s in magnitude.
   /// Empty: all at the stamp.
   std::vector<float> time_offsets_s;
@@ -55,7 +67,7 @@ std::uint64_t PayloadBytes(const v1::Scan& proto);
 /// On an error, which names the field and carries a ProblemReason, `scan` is unspecified. Points
 /// are finite and within 1e6 m.
 absl::Status FromProto(const v1::Scan& proto, const ScanLimits& limits, const FieldPath& field,
-                       DecodedScan& scan);
+                       DecodedScan& scan, PointForm form = PointForm::kDecoded);
 
 /// x, y, z as FLOAT32 and, if any point has a colour, rgba. Sets points, fields, count, stride
 /// and that they are not compressed. time_offsets_s: one for each point, or none.

@@ -10,12 +10,15 @@
 #include <string>
 #include <vector>
 
+#include "core/base/check.h"
 #include "core/local/cpu/fuse_lanes.h"
 #include "core/local/cpu/hit_lanes.h"
 #include "core/local/cpu/plane_rows.h"
 #include "core/local/cpu/point_pass.h"
 #include "core/local/cpu/sight_pass.h"
 #include "core/local/local_mapper.h"
+#include "gem/v1/types.pb.h"
+#include "proto/wire/scan.h"
 #include "tests/core/local/scenes.h"
 
 namespace gem {
@@ -72,8 +75,8 @@ struct Stand {
     rays.SetLimit(window.side_cells() * 3 / 4);
   }
   void Measure() {
-    runs.Plan(set, frame, Points(), bins, sectors);
-    cpu::MeasureRuns({set, frame, Points(), runs, {&hits, 1}, rays}, 0, part);
+    runs.Plan(set, frame, scan, bins, sectors);
+    cpu::MeasureRuns({set, frame, scan, runs, {&hits, 1}, rays}, 0, part);
   }
   void Sort(cpu::HitLanes& lanes) {
     const auto num_cells = static_cast<std::uint32_t>(window.num_cells());
@@ -207,6 +210,34 @@ void FuseScan(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(Points().size()));
 }
 
+// From the wire's int16 to the map: decoded into points first (0), or in the first pass (1).
+void FuseInt16(benchmark::State& state) {
+  auto mapper = *MakeLocalMapper(LocalBackend::kCpu, OptionsOf(state.range(1)));
+  v1::Scan message;
+  message.set_stamp_ns(1);
+  message.set_sensor("lidar");
+  GEM_CHECK(wire::PointsToProtoInt16(Points(), 0.004, &message).ok());
+  const auto form = static_cast<wire::PointForm>(state.range(0));
+  wire::DecodedScan decoded;
+  Scan scan;
+  scan.T_B_S = Pose<Base, Sensor>::FromTranslation(0, 0, 1.73);
+  scan.noise = testing::LidarNoiseModel();
+  std::vector<EvictedCell> evicted;
+  for (auto _ : state) {
+    const wire::FieldPath field("scan");
+    GEM_CHECK(wire::FromProto(message, wire::ScanLimits(), field, decoded, form).ok());
+    scan.points = decoded.points;
+    scan.packed = decoded.packed;
+    ++scan.seq;
+    scan.stamp_ns += 100'000'000;
+    scan.T_O_B =
+        Pose<Odom, Base>::FromTranslation(0.5 * static_cast<double>(scan.seq % 1000), 0, 0);
+    evicted.clear();
+    mapper->FuseScan(scan, evicted);
+  }
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(Points().size()));
+}
+
 void EverySet(benchmark::internal::Benchmark* bench) {
   for (const std::int64_t window : {0, 1}) {
     for (const VectorSet set : {VectorSet::kBaseline, VectorSet::kAvx2, VectorSet::kAvx512}) {
@@ -223,6 +254,7 @@ BENCHMARK(AnnotateAll)->Apply(EverySet);
 BENCHMARK(CompleteRays)->Apply(EverySet);
 BENCHMARK(LookUpAll)->Apply(EverySet);
 BENCHMARK(FuseScan)->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+BENCHMARK(FuseInt16)->ArgsProduct({{0, 1}, {0, 1}})->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace gem

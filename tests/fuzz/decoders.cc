@@ -3,6 +3,7 @@
 #include <google/protobuf/stubs/logging.h>
 
 #include <cmath>
+#include <memory>
 #include <span>
 
 #include "core/base/check.h"
@@ -31,7 +32,7 @@ SessionConfig SmallSession() {
 void RunScan(const v1::Scan& scan) {
   SessionMapper mapper(SmallSession());
   SessionMapper::HeldScan held;
-  const absl::Status taken = mapper.Take(scan, held);
+  const absl::Status taken = mapper.Take(std::make_shared<const v1::Scan>(scan), held);
   // A refusal names its field: robots show it to people.
   GEM_CHECK(taken.ok() || !wire::FieldOf(taken).empty());
   if (!taken.ok()) return;

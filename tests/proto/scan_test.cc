@@ -55,6 +55,46 @@ TEST(ScanFromProto, DecodesInt16PointsAtAThirdOfTheStride) {
   EXPECT_NEAR(decoded.points[1].y_m, 5.5f, 1e-5);  // 1100 * 0.005
 }
 
+// Inflated bytes that a short string would hold in itself: views of them must survive a move.
+TEST(ScanFromProto, LeavesInt16PointsAsTheyLieIfWanted) {
+  const std::vector<ScanPoint> points = {{1, 2, 3, 0}, {-4, 5.5f, -6, 0}};
+  for (const ScanCompression compression :
+       {ScanCompression::kNone, ScanCompression::kZstd, ScanCompression::kDeltaZstd}) {
+    v1::Scan scan = GoodScan();
+    ASSERT_TRUE(PointsToProtoInt16(points, 0.005, &scan).ok());
+    Compress(compression, &scan);
+    DecodedScan decoded, left;
+    ASSERT_TRUE(Decode(scan, decoded).ok());
+    ASSERT_TRUE(FromProto(scan, {}, FieldPath("scan"), left, PointForm::kPacked).ok());
+    const DecodedScan moved = std::move(left);
+    EXPECT_EQ(moved.inflated != nullptr, compression != ScanCompression::kNone);
+    EXPECT_TRUE(moved.points.empty());
+    ASSERT_EQ(moved.packed.count, decoded.points.size());
+    for (std::size_t i = 0; i < decoded.points.size(); ++i)
+      EXPECT_EQ(PointAt(moved.packed, i).y_m, decoded.points[i].y_m);
+  }
+}
+
+// What must be looked at before it is measured, or is more than coordinates, is decoded as ever.
+TEST(ScanFromProto, LeavesOnlyPointsThatCannotBeOutOfRange) {
+  const auto packed_count = [](const v1::Scan& scan) {
+    DecodedScan decoded;
+    EXPECT_TRUE(FromProto(scan, {}, FieldPath("scan"), decoded, PointForm::kPacked).ok());
+    return decoded.packed.count;
+  };
+  v1::Scan scan = GoodScan();
+  EXPECT_EQ(packed_count(scan), 0u);  // float32 may be NaN
+  ASSERT_TRUE(PointsToProtoInt16(kPoints, 30, &scan).ok());
+  EXPECT_EQ(packed_count(scan), 3u);
+  ASSERT_TRUE(PointsToProtoInt16(kPoints, 31, &scan).ok());
+  EXPECT_EQ(packed_count(scan), 0u);  // 32768 * 31 m is farther than a coordinate may be
+  ASSERT_TRUE(PointsToProtoInt16(kPoints, 0.01, &scan, std::vector<float>{0, 0, 0.01f}).ok());
+  EXPECT_EQ(packed_count(scan), 0u);
+  const std::vector<ScanPoint> red = {{1, 2, 3, 0xff0000ffu}};
+  ASSERT_TRUE(PointsToProtoInt16(red, 0.01, &scan).ok());
+  EXPECT_EQ(packed_count(scan), 0u);
+}
+
 TEST(ScanFromProto, Int16PointsKeepTheirColours) {
   const std::vector<ScanPoint> points = {{1, 2, 3, 0xff0000ffu}, {4, 5, 6, 0}};
   const std::vector<float> offsets_s = {-0.05f, 0.05f};

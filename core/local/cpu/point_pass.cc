@@ -40,24 +40,60 @@ float SpanOver(const ScanFrame& frame) {
   return std::nextafter(span_m, std::numeric_limits<float>::infinity());
 }
 
-// Points that lie one after the other become coordinates side by side. Behind the last one come
-// points that are nowhere, up to a whole group: no loop over a block ends in one without vectors.
-// Returns how many groups that makes.
+// Points that lie one after the other become coordinates side by side.
 template <bool kIsFull>
-std::size_t Unpack(std::span<const ScanPoint> points, Block& block) {
+void Unpack(std::span<const ScanPoint> points, std::size_t num_groups, Block& block) {
   // As values of one type: a compiler does not load a whole point if it is told of a part of it.
   static_assert(sizeof(ScanPoint) == 4 * sizeof(float));
   alignas(64) float values[4 * kBlock];
   std::memcpy(values, points.data(), points.size_bytes());
-  const std::size_t num_groups = (points.size() + kGroup - 1) / kGroup;
   for (std::size_t i = 0; i < (kIsFull ? kBlock : num_groups * kGroup); ++i) {
     block.x_m[i] = values[4 * i];
     block.y_m[i] = values[4 * i + 1];
     block.z_m[i] = values[4 * i + 2];
     block.rgba[i] = std::bit_cast<Rgba>(values[4 * i + 3]);
   }
-  std::fill(block.x_m + points.size(), block.x_m + num_groups * kGroup, kNowhere_m);
-  std::fill(block.rgba + points.size(), block.rgba + num_groups * kGroup, Rgba{0});
+}
+
+template <bool kIsFull>
+void Unpack(const PackedPoints& packed, std::size_t begin, std::size_t count,
+            std::size_t num_groups, Block& block) {
+  std::fill(block.rgba, block.rgba + num_groups * kGroup, Rgba{0});
+  if (!packed.is_tight()) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const ScanPoint point = PointAt(packed, begin + i);
+      block.x_m[i] = point.x_m;
+      block.y_m[i] = point.y_m;
+      block.z_m[i] = point.z_m;
+    }
+    return;
+  }
+  alignas(64) std::int16_t values[3 * kBlock];
+  alignas(64) float wide[3 * kBlock];
+  std::memcpy(values, packed.bytes + begin * packed.stride, count * packed.stride);
+  const std::size_t num_points = kIsFull ? kBlock : num_groups * kGroup;
+  for (std::size_t i = 0; i < 3 * num_points; ++i) wide[i] = static_cast<float>(values[i]);
+  const auto [x_m, y_m, z_m] = packed.scale_m;
+  for (std::size_t i = 0; i < num_points; ++i) {
+    block.x_m[i] = wide[3 * i] * x_m;
+    block.y_m[i] = wide[3 * i + 1] * y_m;
+    block.z_m[i] = wide[3 * i + 2] * z_m;
+  }
+}
+
+// The scan's points [begin, end). Behind the last one come points that are nowhere, up to a whole
+// group: no loop over a block ends in one without vectors. Returns how many groups that makes.
+template <bool kIsFull>
+std::size_t UnpackBlock(const Scan& scan, std::size_t begin, std::size_t end, Block& block) {
+  const std::size_t count = end - begin;
+  const std::size_t num_groups = (count + kGroup - 1) / kGroup;
+  if (scan.packed.count != 0) {
+    Unpack<kIsFull>(scan.packed, begin, count, num_groups, block);
+  } else {
+    Unpack<kIsFull>(scan.points.subspan(begin, count), num_groups, block);
+  }
+  std::fill(block.x_m + count, block.x_m + num_groups * kGroup, kNowhere_m);
+  std::fill(block.rgba + count, block.rgba + num_groups * kGroup, Rgba{0});
   return num_groups;
 }
 
@@ -259,10 +295,10 @@ void List(std::uint32_t bits, Hits& hits, Lists& lists) {
 }
 
 template <bool kHasBody, bool kIsFull>
-void MeasureBlock(const PointPass& pass, std::span<const ScanPoint> points, float span_m,
+void MeasureBlock(const PointPass& pass, std::size_t begin, std::size_t end, float span_m,
                   const AzimuthSector& sector, Block& block, CellBounds& bounds, Lists& lists,
                   Passed& passed) {
-  const std::size_t num_groups = Unpack<kIsFull>(points, block);
+  const std::size_t num_groups = UnpackBlock<kIsFull>(pass.scan, begin, end, block);
   const BlockCounts counts =
       SeeBlock<kHasBody, kIsFull>(pass.frame, pass.rays, sector, span_m, num_groups, block, passed);
   if (counts.strays != 0) KeepStrays(sector, num_groups, block, lists);
@@ -292,12 +328,12 @@ void MeasureRun(const PointPass& pass, std::size_t number, MeasuredPart& part, L
   Block block;
   std::size_t begin = run.begin;
   for (; begin + kBlock <= run.end; begin += kBlock) {
-    MeasureBlock<kHasBody, true>(pass, pass.points.subspan(begin, kBlock), span_m, part.sector,
-                                 block, bounds, lists, passed);
+    MeasureBlock<kHasBody, true>(pass, begin, begin + kBlock, span_m, part.sector, block, bounds,
+                                 lists, passed);
   }
   if (begin < run.end) {
-    MeasureBlock<kHasBody, false>(pass, pass.points.subspan(begin, run.end - begin), span_m,
-                                  part.sector, block, bounds, lists, passed);
+    MeasureBlock<kHasBody, false>(pass, begin, run.end, span_m, part.sector, block, bounds, lists,
+                                  passed);
   }
   passed.points += static_cast<std::int32_t>(run.end - run.begin);
   pass.hits[number] = {&part, first_hit, lists.num_hits, bounds.Min(), bounds.Max()};
@@ -334,7 +370,7 @@ void EndPart(const Lists& lists, const Passed& passed, MeasuredPart& part) {
 }  // namespace
 
 void MeasureRuns(const PointPass& pass, std::size_t thread, MeasuredPart& part) {
-  BeginPart(pass.points.size(), part.sector.size() < FullTurn(pass.rays.bins()).size(), part);
+  BeginPart(pass.scan.num_points(), part.sector.size() < FullTurn(pass.rays.bins()).size(), part);
   pass.rays.Reset(part.sector);
   Lists lists(part);
   Passed passed;

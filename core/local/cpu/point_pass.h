@@ -16,6 +16,7 @@
 #include "core/local/fuse.h"
 #include "core/local/measure.h"
 #include "core/local/ray_table.h"
+#include "core/sensor/scan.h"
 
 namespace gem::cpu {
 
@@ -62,7 +63,7 @@ struct alignas(64) HitRun {
 struct PointPass {
   VectorSet set;
   const ScanFrame& frame;
-  std::span<const ScanPoint> points;
+  const Scan& scan;
   PointRuns& runs;         ///< of the points
   std::span<HitRun> hits;  ///< by run
   RayTable& rays;          ///< with the scan's limit

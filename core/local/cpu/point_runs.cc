@@ -31,28 +31,29 @@ float ShareWithin(const AzimuthSector& sector, float from, float to, const RayBi
 
 }  // namespace
 
-void PointRuns::Plan(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
-                     const RayBins& bins, std::span<const AzimuthSector> sectors) {
+void PointRuns::Plan(VectorSet set, const ScanFrame& frame, const Scan& scan, const RayBins& bins,
+                     std::span<const AzimuthSector> sectors) {
   runs_.clear();
   if (sectors.size() == 1) {
-    if (!points.empty()) runs_.push_back({0, static_cast<std::uint32_t>(points.size()), 0});
+    const auto num_points = static_cast<std::uint32_t>(scan.num_points());
+    if (num_points != 0) runs_.push_back({0, num_points, 0});
   } else {
-    Look(set, frame, points, bins);
-    Cut(points.size(), bins, sectors);
+    Look(set, frame, scan, bins);
+    Cut(scan.num_points(), bins, sectors);
   }
   Deal();
 }
 
-void PointRuns::Look(VectorSet set, const ScanFrame& frame_in, std::span<const ScanPoint> points,
+void PointRuns::Look(VectorSet set, const ScanFrame& frame_in, const Scan& scan,
                      const RayBins& bins_in) {
-  const std::size_t num_looks = (points.size() + kStep - 1) / kStep;
+  const std::size_t num_looks = (scan.num_points() + kStep - 1) / kStep;
   for (std::vector<float>* values : {&x_m_, &y_m_, &azimuth_}) values->resize(num_looks);
   RunVectorised(set, [&] {
     const ScanFrame frame = frame_in;
     const RayBins bins = bins_in;
     float *x_m = x_m_.data(), *y_m = y_m_.data(), *azimuth = azimuth_.data();
     for (std::size_t i = 0; i < num_looks; ++i) {
-      const Offset offset = OffsetOf(frame, points[i * kStep]);
+      const Offset offset = OffsetOf(frame, scan.PointAt(i * kStep));
       x_m[i] = offset.x_m;
       y_m[i] = offset.y_m;
     }

@@ -10,6 +10,7 @@
 #include "core/base/vector_set.h"
 #include "core/local/measure.h"
 #include "core/local/ray_table.h"
+#include "core/sensor/scan.h"
 
 namespace gem::cpu {
 
@@ -30,8 +31,8 @@ class PointRuns {
   /// Begins a scan. Sensors measure direction by direction or ring by ring, so a look at every
   /// 512th point tells well enough where the points go over from one sector to another: runs end
   /// there. sectors: by thread.
-  void Plan(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
-            const RayBins& bins, std::span<const AzimuthSector> sectors);
+  void Plan(VectorSet set, const ScanFrame& frame, const Scan& scan, const RayBins& bins,
+            std::span<const AzimuthSector> sectors);
 
   /// In the order of the points.
   std::span<const PointRun> runs() const { return runs_; }
@@ -54,8 +55,7 @@ class PointRuns {
     std::size_t end = 0;
   };
 
-  void Look(VectorSet set, const ScanFrame& frame, std::span<const ScanPoint> points,
-            const RayBins& bins);
+  void Look(VectorSet set, const ScanFrame& frame, const Scan& scan, const RayBins& bins);
   void Cut(std::size_t num_points, const RayBins& bins, std::span<const AzimuthSector> sectors);
   void Deal();
 

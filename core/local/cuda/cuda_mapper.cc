@@ -118,7 +118,7 @@ class CudaMapper final : public LocalMapper {
 
  private:
   absl::Status Enqueue(const Scan& scan);
-  absl::Status Upload(std::span<const ScanPoint> points);
+  absl::Status Upload(const Scan& scan);
   absl::Status EnqueueLeaving(const LeavingPlaces& leaving);
   void EnqueueStages(const Scan& scan, float growth_m2);
   absl::Status Finish(std::vector<EvictedCell>& evicted);
@@ -172,21 +172,27 @@ absl::Status CudaMapper::Create() {
   return gpu::StreamSynchronize(*stream_);
 }
 
-absl::Status CudaMapper::Upload(std::span<const ScanPoint> points) {
-  if (points.empty()) return absl::OkStatus();
-  GEM_RETURN_IF_ERROR(pinned_points_.Grow(points.size()));
-  GEM_RETURN_IF_ERROR(points_.Grow(points.size()));
-  GEM_RETURN_IF_ERROR(hits_.Grow(points.size()));
-  GEM_RETURN_IF_ERROR(sorted_hits_.Grow(points.size()));
-  GEM_RETURN_IF_ERROR(sort_.Grow(static_cast<std::uint32_t>(points.size())));
+absl::Status CudaMapper::Upload(const Scan& scan) {
+  const std::size_t num_points = scan.num_points();
+  if (num_points == 0) return absl::OkStatus();
+  GEM_RETURN_IF_ERROR(pinned_points_.Grow(num_points));
+  GEM_RETURN_IF_ERROR(points_.Grow(num_points));
+  GEM_RETURN_IF_ERROR(hits_.Grow(num_points));
+  GEM_RETURN_IF_ERROR(sorted_hits_.Grow(num_points));
+  GEM_RETURN_IF_ERROR(sort_.Grow(static_cast<std::uint32_t>(num_points)));
   // The scan before this one was waited for, so nothing reads the pinned points any more. In
-  // pieces: while one is on its way, the next is copied.
+  // pieces: while one is on its way, the next is copied, or decoded if it is packed.
   constexpr std::size_t kPiecePoints = 32768;
-  for (std::size_t i = 0; i < points.size(); i += kPiecePoints) {
-    const std::span<const ScanPoint> piece =
-        points.subspan(i, std::min(kPiecePoints, points.size() - i));
-    std::copy(piece.begin(), piece.end(), pinned_points_.data() + i);
-    gpu::MemcpyToDeviceAsync(points_.data() + i, pinned_points_.data() + i, piece.size_bytes(),
+  for (std::size_t begin = 0; begin < num_points; begin += kPiecePoints) {
+    const std::size_t end = std::min(begin + kPiecePoints, num_points);
+    ScanPoint* const piece = pinned_points_.data() + begin;
+    if (scan.packed.count != 0) {
+      for (std::size_t i = begin; i < end; ++i) piece[i - begin] = PointAt(scan.packed, i);
+    } else {
+      std::copy(scan.points.begin() + static_cast<std::ptrdiff_t>(begin),
+                scan.points.begin() + static_cast<std::ptrdiff_t>(end), piece);
+    }
+    gpu::MemcpyToDeviceAsync(points_.data() + begin, piece, (end - begin) * sizeof(ScanPoint),
                              *stream_);
   }
   return absl::OkStatus();
@@ -221,8 +227,8 @@ void CudaMapper::EnqueueStages(const Scan& scan, float growth_m2) {
   const FuseTask task{scan.stamp_ns, frame, limits_, options_.traversability_free};
   const DeviceRays rays = RaysOver(frame);
   const DeviceLayers layers = layers_.device();
-  DeviceScan device{points_.data(),    scan.points.size(), sort_.keys(),        sort_.positions(),
-                    sort_.num_items(), hits_.data(),       sorted_hits_.data(), runs_.data(),
+  DeviceScan device{points_.data(),    scan.num_points(), sort_.keys(),        sort_.positions(),
+                    sort_.num_items(), hits_.data(),      sorted_hits_.data(), runs_.data(),
                     changed_.data(),   counters_.data()};
   if (growth_m2 != 0.0f) EnqueueGrow(layers, window_.num_cells(), growth_m2, limits_, *stream_);
   gpu::MarkAsync(kMoved, *stream_);
@@ -250,7 +256,7 @@ absl::Status CudaMapper::Enqueue(const Scan& scan) {
   placed_ = true;
   gpu::MarkAsync(kBegin, *stream_);
   gpu::MemsetAsync(counters_.data(), 0, kNumCounters * sizeof(std::uint32_t), *stream_);
-  GEM_RETURN_IF_ERROR(Upload(scan.points));
+  GEM_RETURN_IF_ERROR(Upload(scan));
   GEM_RETURN_IF_ERROR(EnqueueLeaving(
       LeavingAfter(to.x - window_.origin.x, to.y - window_.origin.y, window_.side_cells)));
   window_ = WindowAt(to, window_.side_cells);
@@ -309,7 +315,7 @@ ScanReport CudaMapper::FuseScan(const Scan& scan, std::vector<EvictedCell>& evic
     fallback_ = MakeCpuMapper(options_, /*threads=*/1);
     return fallback_->FuseScan(scan, evicted);
   }
-  ScanReport report = ReportOf(scan.points.size());
+  ScanReport report = ReportOf(scan.num_points());
   // What the host did, and waited for, beside the device's time: it belongs to the upload.
   report.seconds.move += std::max(0.0, stopwatch.Lap() - report.seconds.total());
   return report;

@@ -69,6 +69,21 @@ TEST_F(CudaAgrees, OnPointsThrownAtRandom) {
   }
 }
 
+TEST_F(CudaAgrees, OnPackedPoints) {
+  ShuffleThreads(7);
+  std::mt19937 random(7);
+  std::uniform_int_distribution<int> value(-900, 900);
+  Pair pair(SmallWindow());
+  for (int i = 0; i < 4; ++i) {
+    std::vector<std::int16_t> values(3 * 1200);
+    for (std::int16_t& v : values) v = static_cast<std::int16_t>(value(random));
+    Scan scan = TiltedScan(random, i);
+    scan.packed = {
+        reinterpret_cast<const char*>(values.data()), 1200, 6, {0, 2, 4}, {0.005f, 0.005f, 0.002f}};
+    ASSERT_EQ(pair.Fuse(scan), "") << "scan " << i;
+  }
+}
+
 TEST_F(CudaAgrees, WhateverOrderThreadsRunIn) {
   for (unsigned seed = 10; seed < 18; ++seed) {
     ShuffleThreads(seed);

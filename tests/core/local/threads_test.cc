@@ -87,8 +87,8 @@ struct Plan {
     const LocalMapOptions options;
     const RayBins bins = RayBinsOf(SideCells(options), options.cell_size_m);
     sectors = {AzimuthSector{bins.azimuth / 2, bins.azimuth}, AzimuthSector{0, bins.azimuth / 2}};
-    const ScanFrame frame = MakeScanFrame(ScanOf(points, 0), {}, options);
-    runs.Plan(WidestVectorSet(), frame, points, bins, sectors);
+    const Scan scan = ScanOf(points, 0);
+    runs.Plan(WidestVectorSet(), MakeScanFrame(scan, {}, options), scan, bins, sectors);
     for (const cpu::PointRun& run : runs.runs()) {
       for (std::uint32_t i = run.begin; i < run.end; ++i) {
         const std::int32_t bin = AzimuthBinOf(points[i].x_m, points[i].y_m, bins);
