@@ -44,7 +44,7 @@ void RunScan(const v1::Scan& scan) {
   GEM_CHECK(readiness.ok() || !wire::FieldOf(readiness.status()).empty());
   if (!readiness.ok()) return;
   GEM_CHECK(*readiness == SessionMapper::Readiness::kReady);
-  const std::size_t num_points = held.scan.points.size();
+  const std::size_t num_points = held.scan.points.size() + held.scan.packed.count;
   const ScanReport report = mapper.Fuse(held);
   GEM_CHECK(report.points == num_points);
   const auto map = mapper.CopyLocalMap();

@@ -5,7 +5,6 @@
 #include <array>
 #include <cstring>
 #include <random>
-#include <string>
 #include <vector>
 
 #include "core/base/vector_set.h"
@@ -33,7 +32,7 @@ struct Packed {
     packed = {bytes.data(), count, stride, offset, {0.004f, 0.004f, 0.005f}};
     for (std::size_t i = 0; i < count; ++i) points.push_back(PointAt(packed, i));
   }
-  std::string bytes;
+  std::vector<char> bytes;  // a short string would move with us, and `packed` views it
   PackedPoints packed;
   std::vector<ScanPoint> points;
 };
