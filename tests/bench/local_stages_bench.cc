@@ -191,6 +191,13 @@ void LookUpAll(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(stand.window.num_cells()));
 }
 
+// The next scan of a robot that drives 0.5 m between two.
+void DriveOn(Scan& scan) {
+  ++scan.seq;
+  scan.stamp_ns += 100'000'000;
+  scan.T_O_B = Pose<Odom, Base>::FromTranslation(0.5 * static_cast<double>(scan.seq % 1000), 0, 0);
+}
+
 // The whole mapper, with the widest vectors.
 void FuseScan(benchmark::State& state) {
   auto mapper = *MakeLocalMapper(LocalBackend::kCpu, OptionsOf(state.range(0)));
@@ -200,10 +207,7 @@ void FuseScan(benchmark::State& state) {
   scan.points = Points();
   std::vector<EvictedCell> evicted;
   for (auto _ : state) {
-    ++scan.seq;
-    scan.stamp_ns += 100'000'000;
-    scan.T_O_B =
-        Pose<Odom, Base>::FromTranslation(0.5 * static_cast<double>(scan.seq % 1000), 0, 0);
+    DriveOn(scan);
     evicted.clear();
     mapper->FuseScan(scan, evicted);
   }
@@ -228,10 +232,7 @@ void FuseInt16(benchmark::State& state) {
     GEM_CHECK(wire::FromProto(message, wire::ScanLimits(), field, decoded, form).ok());
     scan.points = decoded.points;
     scan.packed = decoded.packed;
-    ++scan.seq;
-    scan.stamp_ns += 100'000'000;
-    scan.T_O_B =
-        Pose<Odom, Base>::FromTranslation(0.5 * static_cast<double>(scan.seq % 1000), 0, 0);
+    DriveOn(scan);
     evicted.clear();
     mapper->FuseScan(scan, evicted);
   }
